@@ -1,0 +1,23 @@
+# Every header must compile alone: for each header of a target, a one-line source that includes nothing else. Built with
+# the `check-headers` target, which tests/run builds.
+
+add_custom_target(check-headers)
+
+function(kdray_check_headers target)
+  file(GLOB_RECURSE headers CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/*.h")
+  if(NOT headers)
+    return()
+  endif()
+  set(sources)
+  foreach(header IN LISTS headers)
+    file(RELATIVE_PATH name "${PROJECT_SOURCE_DIR}" "${header}")
+    string(MAKE_C_IDENTIFIER "${name}" id)
+    set(source "${CMAKE_CURRENT_BINARY_DIR}/check_headers/${id}.cc")
+    file(GENERATE OUTPUT "${source}" CONTENT "#include \"${name}\"\n")
+    list(APPEND sources "${source}")
+  endforeach()
+  add_library(${target}_headers OBJECT EXCLUDE_FROM_ALL ${sources})
+  kdray_settings(${target}_headers)
+  target_link_libraries(${target}_headers PRIVATE ${target} $<TARGET_PROPERTY:${target},LINK_LIBRARIES>)
+  add_dependencies(check-headers ${target}_headers)
+endfunction()

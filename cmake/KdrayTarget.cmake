@@ -1,0 +1,39 @@
+# Settings that every target of ours shares. They go on the targets, not into global flags, so that nothing leaks into
+# what a consumer compiles.
+
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY "${CMAKE_BINARY_DIR}/bin")
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Release CACHE STRING "Release, RelWithDebInfo or Debug" FORCE)
+endif()
+
+function(kdray_settings target)
+  target_compile_features(${target} PUBLIC cxx_std_20)
+  set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
+  target_include_directories(${target} PUBLIC "${PROJECT_SOURCE_DIR}")
+  # -ffp-contract=off: a fused multiply-add would change answers between machines (ROBUSTNESS rule: the same bytes
+  # everywhere). No -ffast-math, for the same reason.
+  target_compile_options(${target} PRIVATE
+    -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wcast-align -Wunused
+    -Wdouble-promotion -Wimplicit-fallthrough -Werror
+    -ffp-contract=off -fno-math-errno -fstack-protector-strong)
+  target_compile_definitions(${target} PRIVATE KDRAY_VERSION="${PROJECT_VERSION}")
+  if(KDRAY_SANITIZE)
+    target_compile_options(${target} PRIVATE -fsanitize=${KDRAY_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+    target_link_options(${target} PUBLIC -fsanitize=${KDRAY_SANITIZE})
+  endif()
+endfunction()
+
+# kdray_layer(NAME DIR): static library from every .cc below the calling folder, but for main.cc files.
+function(kdray_layer target)
+  file(GLOB_RECURSE sources CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/*.cc" "${CMAKE_CURRENT_SOURCE_DIR}/*.h")
+  list(FILTER sources EXCLUDE REGEX "main\\.cc$")
+  add_library(${target} STATIC ${sources})
+  kdray_settings(${target})
+  kdray_check_headers(${target})
+endfunction()
+
+function(kdray_executable target)
+  add_executable(${target} ${ARGN})
+  kdray_settings(${target})
+endfunction()

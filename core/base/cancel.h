@@ -1,0 +1,61 @@
+// When to give up: at a deadline, or when somebody asks. Long loops look once per tile, block of rays or tree node of
+// some size, and return kCancelled or kDeadlineExceeded with nothing half done.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <optional>
+
+#include "core/base/result.h"
+
+namespace kdray::core {
+
+/// Copies share one state, so a watcher may call Cancel() while workers ask ShouldStop(). A default-constructed token
+/// never stops. Safe from many threads at once.
+class CancelToken {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  CancelToken() = default;
+  static CancelToken WithDeadline(Clock::time_point deadline) {
+    CancelToken token;
+    token.state_ = std::make_shared<State>();
+    token.state_->deadline = deadline;
+    return token;
+  }
+  static CancelToken Cancellable() { return WithDeadline(Clock::time_point::max()); }
+
+  /// Asks everyone who holds a copy to stop. No effect on a default-constructed token.
+  void Cancel() const {
+    if (state_) state_->cancelled.store(true, std::memory_order_relaxed);
+  }
+
+  /// kCancelled or kDeadlineExceeded once it is time to stop, else nothing. Reads the clock: some 30 ns.
+  std::optional<ErrorCode> Reason() const {
+    if (!state_) return std::nullopt;
+    if (state_->cancelled.load(std::memory_order_relaxed)) return ErrorCode::kCancelled;
+    if (state_->deadline != Clock::time_point::max() && Clock::now() >= state_->deadline) {
+      return ErrorCode::kDeadlineExceeded;
+    }
+    return std::nullopt;
+  }
+  bool ShouldStop() const { return Reason().has_value(); }
+
+  /// The Error to return when ShouldStop() said yes.
+  Error ToError() const {
+    const ErrorCode code = Reason().value_or(ErrorCode::kCancelled);
+    return Error{code, code == ErrorCode::kCancelled ? "cancelled" : "the deadline has passed"};
+  }
+
+  Clock::time_point deadline() const { return state_ ? state_->deadline : Clock::time_point::max(); }
+
+ private:
+  struct State {
+    std::atomic<bool> cancelled{false};
+    Clock::time_point deadline = Clock::time_point::max();
+  };
+  std::shared_ptr<State> state_;
+};
+
+}  // namespace kdray::core

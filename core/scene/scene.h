@@ -1,0 +1,23 @@
+// What a query runs on: a mesh and one tree over it.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "core/base/result.h"
+#include "core/geometry/triangle_mesh.h"
+#include "core/scene/tree.h"
+#include "core/tree/tree_cell.h"
+
+namespace kdray::core {
+
+/// Shared and immutable. Several trees may share one mesh.
+struct Scene {
+  std::shared_ptr<const TriangleMesh> mesh;
+  std::shared_ptr<const Tree> tree;
+
+  /// The nodes at `depth` and the leaves above it, in world units; kInvalidArgument when there are more than `limit`.
+  Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit) const;
+};
+
+}  // namespace kdray::core

@@ -1,0 +1,28 @@
+// How exactly a query is answered.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "core/geometry/triangle_mesh.h"
+
+namespace kdray::core {
+
+enum class Precision : std::uint8_t {
+  kFast,        ///< float Moeller-Trumbore; may leak at edges
+  kWatertight,  ///< float Woop-Benthin-Wald; no leak on a closed mesh; t, u, v in double
+  kDouble,      ///< the same in double, with exact edge signs
+};
+inline constexpr std::array kAllPrecisions = {Precision::kFast, Precision::kWatertight, Precision::kDouble};
+
+/// "fast", "watertight", "double".
+std::string_view Name(Precision precision);
+std::optional<Precision> ParsePrecision(std::string_view name);
+
+/// What `auto` means for `closest` and `any` on this mesh: watertight when float holds every vertex exactly and the
+/// largest |local coordinate| is less than 2^20 shortest edges; else double.
+Precision AutoPrecision(const TriangleMesh& mesh);
+
+}  // namespace kdray::core

@@ -1,0 +1,14 @@
+// What every builder takes besides the mesh.
+#pragma once
+
+#include "core/base/cancel.h"
+#include "core/base/progress.h"
+
+namespace kdray::core {
+
+struct BuildOptions {
+  CancelToken cancel;            ///< looked at once per few thousand references; a stopped build leaves nothing behind
+  Progress* progress = nullptr;  ///< may be null; reaches 1 at the end
+};
+
+}  // namespace kdray::core

@@ -1,0 +1,20 @@
+// The boxes of a tree's nodes, for pictures of the tree and for people who study it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "core/base/result.h"
+#include "core/geometry/bounds3.h"
+
+namespace kdray::core {
+
+struct TreeCell {
+  Bounds3d bounds;  ///< in the mesh's local frame when a structure returns it; in world units from Scene::Cells
+  std::uint32_t depth = 0;
+  bool leaf = false;
+  std::uint64_t triangles = 0;  ///< references in the leaves below; in a leaf, its triangles
+};
+
+}  // namespace kdray::core
