@@ -1,5 +1,6 @@
-// When to give up: at a deadline, or when somebody asks. Long loops look once per tile, block of rays or tree node of
-// some size, and return kCancelled or kDeadlineExceeded with nothing half done.
+// When to give up: at a deadline, or when somebody asks. Long loops look once per tile, block of
+// rays or tree node of some size, and return kCancelled or kDeadlineExceeded with nothing half
+// done.
 #pragma once
 
 #include <atomic>
@@ -11,8 +12,8 @@
 
 namespace kdray::core {
 
-/// Copies share one state, so a watcher may call Cancel() while workers ask ShouldStop(). A default-constructed token
-/// never stops. Safe from many threads at once.
+/// Copies share one state, so a watcher may call Cancel() while workers ask ShouldStop(). A
+/// default-constructed token never stops. Safe from many threads at once.
 class CancelToken {
  public:
   using Clock = std::chrono::steady_clock;
@@ -31,7 +32,8 @@ class CancelToken {
     if (state_) state_->cancelled.store(true, std::memory_order_relaxed);
   }
 
-  /// kCancelled or kDeadlineExceeded once it is time to stop, else nothing. Reads the clock: some 30 ns.
+  /// kCancelled or kDeadlineExceeded once it is time to stop, else nothing. Reads the clock: some
+  /// 30 ns.
   std::optional<ErrorCode> Reason() const {
     if (!state_) return std::nullopt;
     if (state_->cancelled.load(std::memory_order_relaxed)) return ErrorCode::kCancelled;
@@ -48,7 +50,9 @@ class CancelToken {
     return Error{code, code == ErrorCode::kCancelled ? "cancelled" : "the deadline has passed"};
   }
 
-  Clock::time_point deadline() const { return state_ ? state_->deadline : Clock::time_point::max(); }
+  Clock::time_point deadline() const {
+    return state_ ? state_->deadline : Clock::time_point::max();
+  }
 
  private:
   struct State {

@@ -56,7 +56,9 @@ std::string Sha256Digest::ToHex() const {
 
 bool ParseSha256Hex(std::string_view hex, Sha256Digest* digest) {
   if (hex.size() != 2 * digest->bytes.size()) return false;
-  const auto nibble = [](char c) { return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1; };
+  const auto nibble = [](char c) {
+    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
+  };
   for (std::size_t i = 0; i < digest->bytes.size(); ++i) {
     const int high = nibble(hex[2 * i]);
     const int low = nibble(hex[2 * i + 1]);

@@ -1,4 +1,5 @@
-// SHA-256 of mesh bytes and stored files (OpenSSL's implementation, which uses the processor's SHA instructions).
+// SHA-256 of mesh bytes and stored files (OpenSSL's implementation, which uses the processor's SHA
+// instructions).
 #pragma once
 
 #include <array>

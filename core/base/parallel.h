@@ -1,5 +1,6 @@
-// The one seam for threads: nothing else in the project includes oneTBB. The same algorithms run on one thread, so that
-// races and order effects can be ruled out. Results must never depend on how the work was split.
+// The one seam for threads: nothing else in the project includes oneTBB. The same algorithms run on
+// one thread, so that races and order effects can be ruled out. Results must never depend on how
+// the work was split.
 #pragma once
 
 #include <oneapi/tbb/blocked_range.h>
@@ -12,15 +13,16 @@
 
 namespace kdray::core {
 
-/// A bounded set of worker threads. Builds and queries use different arenas, so that neither starves the other. The
-/// thread that calls Run() works too, and counts among `threads`.
+/// A bounded set of worker threads. Builds and queries use different arenas, so that neither
+/// starves the other. The thread that calls Run() works too, and counts among `threads`.
 class Arena {
  public:
   /// threads >= 1; 1 means: everything on the calling thread.
   explicit Arena(int threads) : arena_(threads), threads_(threads) {}
 
-  /// Runs f inside the arena and waits; exceptions pass through. Work that the caller's thread steals while it waits
-  /// belongs to this call only (isolation), so holding a lock across Run() cannot deadlock with other requests.
+  /// Runs f inside the arena and waits; exceptions pass through. Work that the caller's thread
+  /// steals while it waits belongs to this call only (isolation), so holding a lock across Run()
+  /// cannot deadlock with other requests.
   template <class F>
   void Run(F&& f) {
     arena_.execute([&] { tbb::this_task_arena::isolate(std::forward<F>(f)); });
@@ -32,7 +34,8 @@ class Arena {
   int threads_;
 };
 
-/// body(first, last) over [begin, end) in pieces of at most `grain`; in the arena that the caller runs in.
+/// body(first, last) over [begin, end) in pieces of at most `grain`; in the arena that the caller
+/// runs in.
 template <class Body>
 void ParallelFor(std::size_t begin, std::size_t end, std::size_t grain, const Body& body) {
   if (end <= begin) return;

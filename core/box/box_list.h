@@ -1,4 +1,5 @@
-// The lecture note's simplest structure: one bounding box, then every triangle. Also what a tiny mesh gets.
+// The lecture note's simplest structure: one bounding box, then every triangle. Also what a tiny
+// mesh gets.
 #pragma once
 
 #include <cstdint>
@@ -23,12 +24,15 @@ struct BoxList {
   template <class Visit, class OnNode>
   void Traverse(const LocalRay& ray, double pad, const Visit& visit, const OnNode& on_node) const {
     on_node();
-    if (ClipToBox(ray, Bounds3d{Vec3d(bounds.min), Vec3d(bounds.max)}, pad, SearchInterval(ray)).IsEmpty()) return;
+    if (ClipToBox(ray, Bounds3d{Vec3d(bounds.min), Vec3d(bounds.max)}, pad, SearchInterval(ray))
+            .IsEmpty())
+      return;
     visit(std::span<const PrimitiveId>(primitives));
   }
 
-  Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit) const;  ///< as KdTree::Cells
-  Status Validate(std::size_t triangle_count) const;                                  ///< as KdTree::Validate
+  Result<std::vector<TreeCell>> Cells(std::uint32_t depth,
+                                      std::size_t limit) const;  ///< as KdTree::Cells
+  Status Validate(std::size_t triangle_count) const;             ///< as KdTree::Validate
 };
 
 }  // namespace kdray::core

@@ -14,8 +14,8 @@
 
 namespace kdray::core {
 
-/// 32 bytes. Interior: primitive_count 0, the first child is the next node in memory, the second at `offset`.
-/// Leaf: primitives [offset, offset + primitive_count).
+/// 32 bytes. Interior: primitive_count 0, the first child is the next node in memory, the second at
+/// `offset`. Leaf: primitives [offset, offset + primitive_count).
 struct BvhNode {
   Bounds3f bounds;  ///< of the triangles below, rounded outward
   std::uint32_t offset = 0;
@@ -28,21 +28,27 @@ static_assert(sizeof(BvhNode) == 32);
 struct Bvh {
   static constexpr int kMaxDepth = 64;
 
-  std::vector<BvhNode> nodes;  ///< depth first; [0] is the root; empty when the mesh has degenerate triangles only
+  std::vector<BvhNode>
+      nodes;  ///< depth first; [0] is the root; empty when the mesh has degenerate triangles only
   std::vector<PrimitiveId> primitives;
 
-  std::uint64_t bytes() const { return nodes.size() * sizeof(BvhNode) + primitives.size() * sizeof(PrimitiveId); }
+  std::uint64_t bytes() const {
+    return nodes.size() * sizeof(BvhNode) + primitives.size() * sizeof(PrimitiveId);
+  }
 
-  /// As KdTree::Traverse; leaves come roughly front to back, each child's box being met before its sibling's is skipped.
+  /// As KdTree::Traverse; leaves come roughly front to back, each child's box being met before its
+  /// sibling's is skipped.
   template <class Visit, class OnNode>
   void Traverse(const LocalRay& ray, double pad, const Visit& visit, const OnNode& on_node) const;
 
-  Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit) const;  ///< as KdTree::Cells
-  Status Validate(std::size_t triangle_count) const;                                  ///< as KdTree::Validate
+  Result<std::vector<TreeCell>> Cells(std::uint32_t depth,
+                                      std::size_t limit) const;  ///< as KdTree::Cells
+  Status Validate(std::size_t triangle_count) const;             ///< as KdTree::Validate
 };
 
 template <class Visit, class OnNode>
-void Bvh::Traverse(const LocalRay& ray, double pad, const Visit& visit, const OnNode& on_node) const {
+void Bvh::Traverse(const LocalRay& ray, double pad, const Visit& visit,
+                   const OnNode& on_node) const {
   if (nodes.empty()) return;
   struct StackEntry {
     std::uint32_t node;
@@ -70,17 +76,20 @@ void Bvh::Traverse(const LocalRay& ray, double pad, const Visit& visit, const On
       std::uint32_t far_child = node.offset;
       LocalInterval near_interval = clip(near_child);
       LocalInterval far_interval = clip(far_child);
-      if (!far_interval.IsEmpty() && (near_interval.IsEmpty() || far_interval.enter < near_interval.enter)) {
+      if (!far_interval.IsEmpty() &&
+          (near_interval.IsEmpty() || far_interval.enter < near_interval.enter)) {
         std::swap(near_child, far_child);
         std::swap(near_interval, far_interval);
       }
       if (!near_interval.IsEmpty()) {
-        if (!far_interval.IsEmpty()) stack[static_cast<std::size_t>(stack_size++)] = {far_child, far_interval.enter};
+        if (!far_interval.IsEmpty())
+          stack[static_cast<std::size_t>(stack_size++)] = {far_child, far_interval.enter};
         current = near_child;
         continue;
       }
     } else {
-      limit = visit(std::span<const PrimitiveId>(primitives).subspan(node.offset, node.primitive_count));
+      limit = visit(
+          std::span<const PrimitiveId>(primitives).subspan(node.offset, node.primitive_count));
     }
     do {
       if (stack_size == 0) return;

@@ -37,7 +37,8 @@ struct Bounds3 {
     return T(2) * (e.x * e.y + e.y * e.z + e.z * e.x);
   }
   bool Contains(const Vec3<T>& p) const {
-    return min.x <= p.x && p.x <= max.x && min.y <= p.y && p.y <= max.y && min.z <= p.z && p.z <= max.z;
+    return min.x <= p.x && p.x <= max.x && min.y <= p.y && p.y <= max.y && min.z <= p.z &&
+           p.z <= max.z;
   }
   friend bool operator==(const Bounds3&, const Bounds3&) = default;
 };
@@ -54,14 +55,19 @@ Bounds3<T> Intersection(const Bounds3<T>& a, const Bounds3<T>& b) {
 /// Largest float <= value, and smallest float >= value: boxes are rounded outward, never inward.
 inline float RoundDown(double value) {
   const float rounded = static_cast<float>(value);
-  return static_cast<double>(rounded) <= value ? rounded : std::nextafter(rounded, -std::numeric_limits<float>::infinity());
+  return static_cast<double>(rounded) <= value
+             ? rounded
+             : std::nextafter(rounded, -std::numeric_limits<float>::infinity());
 }
 inline float RoundUp(double value) {
   const float rounded = static_cast<float>(value);
-  return static_cast<double>(rounded) >= value ? rounded : std::nextafter(rounded, std::numeric_limits<float>::infinity());
+  return static_cast<double>(rounded) >= value
+             ? rounded
+             : std::nextafter(rounded, std::numeric_limits<float>::infinity());
 }
 inline Bounds3f RoundOutward(const Bounds3d& b) {
-  return {{RoundDown(b.min.x), RoundDown(b.min.y), RoundDown(b.min.z)}, {RoundUp(b.max.x), RoundUp(b.max.y), RoundUp(b.max.z)}};
+  return {{RoundDown(b.min.x), RoundDown(b.min.y), RoundDown(b.min.z)},
+          {RoundUp(b.max.x), RoundUp(b.max.y), RoundUp(b.max.z)}};
 }
 
 }  // namespace kdray::core

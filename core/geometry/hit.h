@@ -10,20 +10,20 @@ namespace kdray::core {
 using PrimitiveId = std::uint32_t;
 inline constexpr PrimitiveId kNoPrimitive = 0xffffffffu;
 
-/// One row of a batch's answer. A miss has primitive_id == kNoPrimitive and t = infinity; a ray that cannot be (see
-/// IsValid) is a miss with t = NaN.
+/// One row of a batch's answer. A miss has primitive_id == kNoPrimitive and t = infinity; a ray
+/// that cannot be (see IsValid) is a miss with t = NaN.
 struct Hit {
   double t = std::numeric_limits<double>::infinity();  ///< in lengths of the ray's direction
-  double u = 0;                                        ///< weight of the triangle's second vertex, 0..1
-  double v = 0;                                        ///< weight of its third vertex, 0..1; the first has 1 - u - v
+  double u = 0;  ///< weight of the triangle's second vertex, 0..1
+  double v = 0;  ///< weight of its third vertex, 0..1; the first has 1 - u - v
   PrimitiveId primitive_id = kNoPrimitive;
 
   bool IsHit() const { return primitive_id != kNoPrimitive; }
   friend bool operator==(const Hit&, const Hit&) = default;
 };
 
-/// The order that decides which hit is closest: smallest t, then smallest primitive_id. It depends on neither build nor
-/// thread count.
+/// The order that decides which hit is closest: smallest t, then smallest primitive_id. It depends
+/// on neither build nor thread count.
 inline bool Closer(double t_a, PrimitiveId id_a, double t_b, PrimitiveId id_b) {
   return t_a < t_b || (t_a == t_b && id_a < id_b);
 }

@@ -8,8 +8,9 @@ std::optional<LocalRay> MakeLocalRay(const Ray& ray, const MeshFrame& frame) {
   local.t_max = ray.t_max;
   local.origin = frame.ToLocal(ray.origin);
 
-  // world(t) = origin + t * direction, local = (world - frame.origin) * 2^-e, so one unit of t is direction * 2^-e in the
-  // mesh's frame. The local direction is the caller's times 2^-k; hence s = t * 2^(k - e).
+  // world(t) = origin + t * direction, local = (world - frame.origin) * 2^-e, so one unit of t is
+  // direction * 2^-e in the mesh's frame. The local direction is the caller's times 2^-k; hence s =
+  // t * 2^(k - e).
   const int k = std::ilogb(MaxAbs(ray.direction));
   for (int axis = 0; axis < 3; ++axis) local.direction[axis] = std::ldexp(ray.direction[axis], -k);
   local.exponent = frame.exponent - k;
@@ -27,7 +28,8 @@ std::optional<LocalRay> MakeLocalRay(const Ray& ray, const MeshFrame& frame) {
     if (inside.IsEmpty() || !std::isfinite(inside.enter)) return std::nullopt;
     local.shift = inside.enter;
     local.origin = local.origin + inside.enter * local.direction;
-    if (!(MaxAbs(local.origin) <= 4)) return std::nullopt;  // so far out that the entry is lost in rounding
+    if (!(MaxAbs(local.origin) <= 4))
+      return std::nullopt;  // so far out that the entry is lost in rounding
   }
   return local;
 }

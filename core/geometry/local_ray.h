@@ -1,10 +1,12 @@
-// A ray in the frame of one mesh, ready for traversal; and the rule that keeps culling and leaf tests in step.
+// A ray in the frame of one mesh, ready for traversal; and the rule that keeps culling and leaf
+// tests in step.
 //
-// The fat ray. Every leaf test accepts a triangle only if the ray passes it within `pad` of a point Q of the triangle
-// and reports Q's parameter t along the ray. Every cull (split plane, box) keeps whatever lies within `pad` of the ray.
-// So no structure can lose a triangle that the leaf test would accept, and the closest hit, the minimum of (t, id) over
-// all accepted triangles, is the same for every structure, engine and SIMD width. DESIGN.md, decision 5, has the proof
-// and the size of `pad` for each precision.
+// The fat ray. Every leaf test accepts a triangle only if the ray passes it within `pad` of a point
+// Q of the triangle and reports Q's parameter t along the ray. Every cull (split plane, box) keeps
+// whatever lies within `pad` of the ray. So no structure can lose a triangle that the leaf test
+// would accept, and the closest hit, the minimum of (t, id) over all accepted triangles, is the
+// same for every structure, engine and SIMD width. DESIGN.md, decision 5, has the proof and the
+// size of `pad` for each precision.
 #pragma once
 
 #include <cmath>
@@ -18,18 +20,21 @@
 
 namespace kdray::core {
 
-/// Distances by which leaf tests may be off, in local units (the mesh lies in [-1, 1]^3), with room for the rounding of
-/// a cull in double. Float tests: 64 ulp of 1, doubled. Double tests: the same in double, 2^4 wider.
+/// Distances by which leaf tests may be off, in local units (the mesh lies in [-1, 1]^3), with room
+/// for the rounding of a cull in double. Float tests: 64 ulp of 1, doubled. Double tests: the same
+/// in double, 2^4 wider.
 inline constexpr double kFloatPad = 0x1p-17;
 inline constexpr double kDoublePad = 0x1p-45;
 
-/// The ray as the tests see it. Its parameter s relates to the caller's t by t = (s + shift) * 2^exponent: directions are
-/// scaled by an exact power of two so that the largest |component| lies in [1, 2), and an origin outside [-4, 4]^3 is
-/// moved along the ray to where it enters [-2, 2]^3, so that float tests keep their accuracy for far cameras.
+/// The ray as the tests see it. Its parameter s relates to the caller's t by t = (s + shift) *
+/// 2^exponent: directions are scaled by an exact power of two so that the largest |component| lies
+/// in [1, 2), and an origin outside [-4, 4]^3 is moved along the ray to where it enters [-2, 2]^3,
+/// so that float tests keep their accuracy for far cameras.
 struct LocalRay {
   Vec3d origin;     ///< |component| <= 4
   Vec3d direction;  ///< largest |component| in [1, 2)
-  Vec3d inverse;    ///< 1 / direction; 0 where |component| < kTinyDirection, which a cull treats as parallel
+  Vec3d inverse;    ///< 1 / direction; 0 where |component| < kTinyDirection, which a cull treats as
+                    ///< parallel
   double shift = 0;
   int exponent = 0;
   double t_min = 0;  ///< the caller's interval, in the caller's t
@@ -54,9 +59,11 @@ struct LocalInterval {
 /// The local form of a valid ray (IsValid). Nothing when the ray misses [-2, 2]^3 and so the mesh.
 std::optional<LocalRay> MakeLocalRay(const Ray& ray, const MeshFrame& frame);
 
-/// Where the fat ray (half-width `pad`) is inside `box`; empty when it passes by. Right for zero direction components,
-/// flat boxes and infinite intervals. Source: Kay and Kajiya 1986 (slabs); Ize 2013 (conservative bounds).
-inline LocalInterval ClipToBox(const LocalRay& ray, const Bounds3d& box, double pad, LocalInterval interval) {
+/// Where the fat ray (half-width `pad`) is inside `box`; empty when it passes by. Right for zero
+/// direction components, flat boxes and infinite intervals. Source: Kay and Kajiya 1986 (slabs);
+/// Ize 2013 (conservative bounds).
+inline LocalInterval ClipToBox(const LocalRay& ray, const Bounds3d& box, double pad,
+                               LocalInterval interval) {
   for (int axis = 0; axis < 3; ++axis) {
     const double origin = ray.origin[axis];
     const double low = box.min[axis] - pad;

@@ -10,8 +10,8 @@
 
 namespace kdray::core {
 
-/// The points origin + t * direction with t_min <= t <= t_max, both ends included. The direction need not be unit; t
-/// counts its lengths. t_max may be infinite.
+/// The points origin + t * direction with t_min <= t <= t_max, both ends included. The direction
+/// need not be unit; t counts its lengths. t_max may be infinite.
 template <class T>
 struct RayOf {
   Vec3<T> origin;
@@ -19,24 +19,25 @@ struct RayOf {
   Vec3<T> direction;
   T t_max = std::numeric_limits<T>::infinity();
 };
-using Ray = RayOf<double>;   // 64 bytes
-using RayF = RayOf<float>;   // 32 bytes: the same ray in half the memory when its numbers are floats anyway
+using Ray = RayOf<double>;  // 64 bytes
+using RayF =
+    RayOf<float>;  // 32 bytes: the same ray in half the memory when its numbers are floats anyway
 static_assert(sizeof(Ray) == 64 && sizeof(RayF) == 32);
 
-/// False for a ray that cannot be: an origin or direction that is not finite, t_min or t_max NaN, a zero direction,
-/// t_min > t_max. Such a row of a batch is a miss and is named in the answer.
+/// False for a ray that cannot be: an origin or direction that is not finite, t_min or t_max NaN, a
+/// zero direction, t_min > t_max. Such a row of a batch is a miss and is named in the answer.
 template <class T>
 bool IsValid(const RayOf<T>& ray) {
   return IsFinite(ray.origin) && IsFinite(ray.direction) && ray.t_min <= ray.t_max &&
          (ray.direction.x != 0 || ray.direction.y != 0 || ray.direction.z != 0);
 }
 
-/// A view of a batch of rays, single or double. A float ray means exactly the double ray of the same numbers, so the
-/// two forms give the same answers.
+/// A view of a batch of rays, single or double. A float ray means exactly the double ray of the
+/// same numbers, so the two forms give the same answers.
 class RayBatch {
  public:
-  RayBatch(std::span<const Ray> rays) : rays_(rays) {}    // NOLINT(google-explicit-constructor)
-  RayBatch(std::span<const RayF> rays) : rays_(rays) {}   // NOLINT(google-explicit-constructor)
+  RayBatch(std::span<const Ray> rays) : rays_(rays) {}   // NOLINT(google-explicit-constructor)
+  RayBatch(std::span<const RayF> rays) : rays_(rays) {}  // NOLINT(google-explicit-constructor)
 
   std::size_t size() const {
     return std::visit([](const auto& rays) { return rays.size(); }, rays_);
@@ -44,7 +45,8 @@ class RayBatch {
   Ray operator[](std::size_t i) const {
     if (const auto* rays = std::get_if<std::span<const Ray>>(&rays_)) return (*rays)[i];
     const RayF& r = std::get<std::span<const RayF>>(rays_)[i];
-    return Ray{Vec3d(r.origin), static_cast<double>(r.t_min), Vec3d(r.direction), static_cast<double>(r.t_max)};
+    return Ray{Vec3d(r.origin), static_cast<double>(r.t_min), Vec3d(r.direction),
+               static_cast<double>(r.t_max)};
   }
 
  private:

@@ -1,5 +1,6 @@
-// An indexed triangle mesh as the trees and the leaf tests see it: validated, immutable, in a frame of its own.
-// core/io/mesh_reader.h makes MeshData from bytes; core/geometry/mesh_health.h judges it.
+// An indexed triangle mesh as the trees and the leaf tests see it: validated, immutable, in a frame
+// of its own. core/io/mesh_reader.h makes MeshData from bytes; core/geometry/mesh_health.h judges
+// it.
 #pragma once
 
 #include <array>
@@ -23,19 +24,23 @@ std::string_view Name(MeshFormat format);
 
 using TriangleIndices = std::array<std::uint32_t, 3>;
 
-/// What a mesh file says, before any judgement: vertices as stored, in file order, and polygons cut into triangles.
+/// What a mesh file says, before any judgement: vertices as stored, in file order, and polygons cut
+/// into triangles.
 struct MeshData {
   MeshFormat format = MeshFormat::kObj;
   std::vector<Vec3d> vertices;             ///< every vertex stored in the file, used or not
   std::vector<TriangleIndices> triangles;  ///< each index < vertices.size()
-  std::uint64_t dropped = 0;               ///< faces with fewer than three corners; they get no number
-  std::uint64_t concave = 0;               ///< polygons that a fan from the first corner would not have cut properly
-  bool single_precision = false;           ///< the file's coordinates are 32-bit floats (binary STL, PLY float)
+  std::uint64_t dropped = 0;  ///< faces with fewer than three corners; they get no number
+  std::uint64_t concave =
+      0;  ///< polygons that a fan from the first corner would not have cut properly
+  bool single_precision =
+      false;  ///< the file's coordinates are 32-bit floats (binary STL, PLY float)
 };
 
-/// The mesh's own frame: local = (world - origin) * 2^-exponent, exact for every vertex. The exponent puts the largest
-/// |local coordinate| of a vertex that triangles use into [0.5, 1). The origin is a point with few bits near the mesh
-/// when the mesh lies far from 0 (per axis) and the subtraction is exact for every vertex; otherwise 0 on that axis.
+/// The mesh's own frame: local = (world - origin) * 2^-exponent, exact for every vertex. The
+/// exponent puts the largest |local coordinate| of a vertex that triangles use into [0.5, 1). The
+/// origin is a point with few bits near the mesh when the mesh lies far from 0 (per axis) and the
+/// subtraction is exact for every vertex; otherwise 0 on that axis.
 struct MeshFrame {
   Vec3d origin;
   int exponent = 0;
@@ -48,14 +53,17 @@ struct MeshFrame {
 /// Immutable, so safe from many threads at once.
 class TriangleMesh {
  public:
-  /// kEmptyMesh without a triangle; kInvalidMesh when a coordinate of a used vertex is not finite or beyond 3.4e38 (the
-  /// message names the vertex), kMeshTooLarge beyond 2^30 triangles or 2^32 - 2 vertices. O(vertices + triangles).
+  /// kEmptyMesh without a triangle; kInvalidMesh when a coordinate of a used vertex is not finite
+  /// or beyond 3.4e38 (the message names the vertex), kMeshTooLarge beyond 2^30 triangles or 2^32 -
+  /// 2 vertices. O(vertices + triangles).
   static Result<TriangleMesh> Create(const MeshData& data);
 
   std::size_t triangle_count() const { return triangles_.size(); }
   std::size_t vertex_count() const { return vertex_count_; }  ///< as stored in the file
   const MeshFrame& frame() const { return frame_; }
-  const Bounds3d& bounds() const { return bounds_; }  ///< world units; of the vertices that triangles use
+  const Bounds3d& bounds() const {
+    return bounds_;
+  }  ///< world units; of the vertices that triangles use
   MeshFormat format() const { return format_; }
 
   /// Local vertices are 12-byte floats when that is exact for all of them, else 24-byte doubles.
@@ -63,7 +71,9 @@ class TriangleMesh {
   std::span<const TriangleIndices> triangles() const { return triangles_; }
   /// Local vertices; T must be the stored type. Visit() picks it.
   template <class T>
-  std::span<const Vec3<T>> vertices() const { return std::get<std::vector<Vec3<T>>>(vertices_); }
+  std::span<const Vec3<T>> vertices() const {
+    return std::get<std::vector<Vec3<T>>>(vertices_);
+  }
   /// Calls f with the span of local vertices, std::span<const Vec3f> or std::span<const Vec3d>.
   template <class F>
   decltype(auto) VisitVertices(F&& f) const {
@@ -77,14 +87,16 @@ class TriangleMesh {
     return VisitVertices([&](auto vertices) { return Vec3d(vertices[index]); });
   }
 
-  /// Exactly collinear corners: such a triangle keeps its number and is hit by nothing, so no tree holds it.
+  /// Exactly collinear corners: such a triangle keeps its number and is hit by nothing, so no tree
+  /// holds it.
   bool IsDegenerate(PrimitiveId id) const { return degenerate_[id]; }
   std::size_t degenerate_count() const { return degenerate_count_; }
 
   /// Memory of vertices, indices and flags.
   std::size_t bytes() const;
 
-  /// For the store (core/store): the parts, and a mesh from parts that were checked when they were written.
+  /// For the store (core/store): the parts, and a mesh from parts that were checked when they were
+  /// written.
   struct Parts;
   const std::vector<bool>& degenerate_flags() const { return degenerate_; }
   static TriangleMesh FromParts(Parts parts);

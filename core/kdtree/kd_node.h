@@ -7,8 +7,8 @@
 
 namespace kdray::core {
 
-/// Interior: a split plane; the below child is the next node in memory, the above child is at above_child().
-/// Leaf: a range of KdTree::primitives.
+/// Interior: a split plane; the below child is the next node in memory, the above child is at
+/// above_child(). Leaf: a range of KdTree::primitives.
 class KdNode {
  public:
   /// Child and primitive positions share their word with two bits of kind.
@@ -16,7 +16,8 @@ class KdNode {
 
   static KdNode Interior(int axis, float split, std::uint32_t above_child) {
     assert(axis >= 0 && axis < 3 && above_child <= kMaxIndex);
-    return KdNode(std::bit_cast<std::uint32_t>(split), above_child << 2 | static_cast<std::uint32_t>(axis));
+    return KdNode(std::bit_cast<std::uint32_t>(split),
+                  above_child << 2 | static_cast<std::uint32_t>(axis));
   }
   static KdNode Leaf(std::uint32_t first_primitive, std::uint32_t primitive_count) {
     assert(primitive_count <= kMaxIndex);

@@ -16,35 +16,42 @@ namespace kdray::core {
 
 /// Immutable once built; safe from many threads at once. Coordinates are the mesh's local ones.
 struct KdTree {
-  /// No tree is deeper: builders stop there, and the traversal's stack has one entry a level. Checked again when a
-  /// stored tree is loaded (Validate).
+  /// No tree is deeper: builders stop there, and the traversal's stack has one entry a level.
+  /// Checked again when a stored tree is loaded (Validate).
   static constexpr int kMaxDepth = 64;
 
-  Bounds3f bounds = Bounds3f::Empty();   ///< of all triangles in the tree, rounded outward; the root's cell
-  std::vector<KdNode> nodes;             ///< depth first; [0] is the root; never empty
-  std::vector<PrimitiveId> primitives;   ///< the leaves' triangles
+  Bounds3f bounds =
+      Bounds3f::Empty();      ///< of all triangles in the tree, rounded outward; the root's cell
+  std::vector<KdNode> nodes;  ///< depth first; [0] is the root; never empty
+  std::vector<PrimitiveId> primitives;  ///< the leaves' triangles
 
-  std::uint64_t bytes() const { return nodes.size() * sizeof(KdNode) + primitives.size() * sizeof(PrimitiveId); }
+  std::uint64_t bytes() const {
+    return nodes.size() * sizeof(KdNode) + primitives.size() * sizeof(PrimitiveId);
+  }
 
-  /// Walks the leaves that the fat ray meets, front to back. visit(span<const PrimitiveId>) tests a leaf's triangles and
-  /// returns the local parameter beyond which the caller needs nothing more (infinity: go on; -infinity: stop). Leaves
-  /// that begin exactly there are still visited: a triangle of equal t and smaller id may lie in them.
-  /// `on_node()` is called once per node visited.
-  /// Source: lecture note, Algorithm 2; Havran, Kopal, Bittner, Zara, "Fast Robust BSP Tree Traversal Algorithm for Ray
-  /// Tracing", JGT 2(4), 1997, for the cases it leaves open (direction parallel to the plane, origin on it).
+  /// Walks the leaves that the fat ray meets, front to back. visit(span<const PrimitiveId>) tests a
+  /// leaf's triangles and returns the local parameter beyond which the caller needs nothing more
+  /// (infinity: go on; -infinity: stop). Leaves that begin exactly there are still visited: a
+  /// triangle of equal t and smaller id may lie in them. `on_node()` is called once per node
+  /// visited. Source: lecture note, Algorithm 2; Havran, Kopal, Bittner, Zara, "Fast Robust BSP
+  /// Tree Traversal Algorithm for Ray Tracing", JGT 2(4), 1997, for the cases it leaves open
+  /// (direction parallel to the plane, origin on it).
   template <class Visit, class OnNode>
   void Traverse(const LocalRay& ray, double pad, const Visit& visit, const OnNode& on_node) const;
 
-  /// The nodes at `depth` and the leaves above it, depth first; at most `limit`, then kInvalidArgument.
+  /// The nodes at `depth` and the leaves above it, depth first; at most `limit`, then
+  /// kInvalidArgument.
   Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit) const;
 
-  /// kCorrupt unless every index is in range, no primitive is >= triangle_count, children follow their parents and the
-  /// depth is at most kMaxDepth: what a traversal relies on. For trees read from disk.
+  /// kCorrupt unless every index is in range, no primitive is >= triangle_count, children follow
+  /// their parents and the depth is at most kMaxDepth: what a traversal relies on. For trees read
+  /// from disk.
   Status Validate(std::size_t triangle_count) const;
 };
 
 template <class Visit, class OnNode>
-void KdTree::Traverse(const LocalRay& ray, double pad, const Visit& visit, const OnNode& on_node) const {
+void KdTree::Traverse(const LocalRay& ray, double pad, const Visit& visit,
+                      const OnNode& on_node) const {
   struct StackEntry {
     std::uint32_t node;
     LocalInterval interval;
@@ -95,7 +102,8 @@ void KdTree::Traverse(const LocalRay& ray, double pad, const Visit& visit, const
         current = far_child;  // Case 2: enters the cell behind the plane.
       } else {
         // Case 3: crosses the plane inside the cell.
-        stack[static_cast<std::size_t>(stack_size++)] = {far_child, {std::fmax(interval.enter, first), interval.exit}};
+        stack[static_cast<std::size_t>(stack_size++)] = {
+            far_child, {std::fmax(interval.enter, first), interval.exit}};
         current = near_child;
         interval.exit = std::fmin(interval.exit, last);
       }
@@ -103,10 +111,11 @@ void KdTree::Traverse(const LocalRay& ray, double pad, const Visit& visit, const
     }
 
     if (node.primitive_count() != 0) {
-      limit = visit(std::span<const PrimitiveId>(primitives).subspan(node.first_primitive(), node.primitive_count()));
+      limit = visit(std::span<const PrimitiveId>(primitives)
+                        .subspan(node.first_primitive(), node.primitive_count()));
     }
-    // Cells behind the limit hold nothing that matters. Entries are not sorted by `enter` once cells are padded, so skip
-    // them one by one.
+    // Cells behind the limit hold nothing that matters. Entries are not sorted by `enter` once
+    // cells are padded, so skip them one by one.
     do {
       if (stack_size == 0) return;
       --stack_size;

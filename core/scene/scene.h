@@ -16,7 +16,8 @@ struct Scene {
   std::shared_ptr<const TriangleMesh> mesh;
   std::shared_ptr<const Tree> tree;
 
-  /// The nodes at `depth` and the leaves above it, in world units; kInvalidArgument when there are more than `limit`.
+  /// The nodes at `depth` and the leaves above it, in world units; kInvalidArgument when there are
+  /// more than `limit`.
   Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit) const;
 };
 

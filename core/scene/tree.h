@@ -27,9 +27,9 @@ struct Tree {
   }
 };
 
-/// Builds `kind` over the mesh's non-degenerate triangles, in parallel within the caller's arena. The result is the same
-/// for every number of threads. Ends on any mesh: depth at most KdTree::kMaxDepth, at most 8 references a triangle.
-/// Errors: kCancelled, kDeadlineExceeded.
+/// Builds `kind` over the mesh's non-degenerate triangles, in parallel within the caller's arena.
+/// The result is the same for every number of threads. Ends on any mesh: depth at most
+/// KdTree::kMaxDepth, at most 8 references a triangle. Errors: kCancelled, kDeadlineExceeded.
 Result<Tree> BuildTree(const TriangleMesh& mesh, BuildKind kind, const BuildOptions& options = {});
 
 /// Upper bound of the memory that BuildTree holds at its peak, the tree included, without the mesh.

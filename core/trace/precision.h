@@ -15,14 +15,15 @@ enum class Precision : std::uint8_t {
   kWatertight,  ///< float Woop-Benthin-Wald; no leak on a closed mesh; t, u, v in double
   kDouble,      ///< the same in double, with exact edge signs
 };
-inline constexpr std::array kAllPrecisions = {Precision::kFast, Precision::kWatertight, Precision::kDouble};
+inline constexpr std::array kAllPrecisions = {Precision::kFast, Precision::kWatertight,
+                                              Precision::kDouble};
 
 /// "fast", "watertight", "double".
 std::string_view Name(Precision precision);
 std::optional<Precision> ParsePrecision(std::string_view name);
 
-/// What `auto` means for `closest` and `any` on this mesh: watertight when float holds every vertex exactly and the
-/// largest |local coordinate| is less than 2^20 shortest edges; else double.
+/// What `auto` means for `closest` and `any` on this mesh: watertight when float holds every vertex
+/// exactly and the largest |local coordinate| is less than 2^20 shortest edges; else double.
 Precision AutoPrecision(const TriangleMesh& mesh);
 
 }  // namespace kdray::core

@@ -1,5 +1,6 @@
-// The batch interface of ray queries: the one way in for server, renderer, tests and benchmarks. Engines are chosen
-// behind it; each only culls, and one leaf test per precision (core/trace/leaf_test.h) decides.
+// The batch interface of ray queries: the one way in for server, renderer, tests and benchmarks.
+// Engines are chosen behind it; each only culls, and one leaf test per precision
+// (core/trace/leaf_test.h) decides.
 #pragma once
 
 #include <cstddef>
@@ -26,19 +27,23 @@ struct TraceCost {
   std::uint32_t triangles_tested = 0;
 };
 
-/// hits[i] = the hit of rays[i] with the smallest t in [t_min, t_max], both ends included; at equal t the smallest
-/// primitive_id. A miss is Hit{}; a ray that cannot be (IsValid) is a miss with t = NaN. Each row depends on its ray and
-/// the mesh alone: not on its neighbours, the build, the number of threads.
-/// hits.size() == rays.size(). Works in blocks, in parallel within the caller's arena; looks at `cancel` once per block.
-/// Errors: kCancelled, kDeadlineExceeded (hits are then unspecified). Safe from many threads at once.
-Status TraceClosest(const Scene& scene, RayBatch rays, const TraceOptions& options, std::span<Hit> hits);
+/// hits[i] = the hit of rays[i] with the smallest t in [t_min, t_max], both ends included; at equal
+/// t the smallest primitive_id. A miss is Hit{}; a ray that cannot be (IsValid) is a miss with t =
+/// NaN. Each row depends on its ray and the mesh alone: not on its neighbours, the build, the
+/// number of threads. hits.size() == rays.size(). Works in blocks, in parallel within the caller's
+/// arena; looks at `cancel` once per block. Errors: kCancelled, kDeadlineExceeded (hits are then
+/// unspecified). Safe from many threads at once.
+Status TraceClosest(const Scene& scene, RayBatch rays, const TraceOptions& options,
+                    std::span<Hit> hits);
 
-/// occluded[i] = 1 exactly when TraceClosest would find a hit, else 0. Rays that cannot be are 0; test them with IsValid.
-Status TraceAny(const Scene& scene, RayBatch rays, const TraceOptions& options, std::span<std::uint8_t> occluded);
+/// occluded[i] = 1 exactly when TraceClosest would find a hit, else 0. Rays that cannot be are 0;
+/// test them with IsValid.
+Status TraceAny(const Scene& scene, RayBatch rays, const TraceOptions& options,
+                std::span<std::uint8_t> occluded);
 
 /// TraceClosest that also counts the work.
-Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& options, std::span<Hit> hits,
-                   std::span<TraceCost> costs);
+Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& options,
+                   std::span<Hit> hits, std::span<TraceCost> costs);
 
 /// The plain reference path for one ray.
 Hit ClosestHit(const Scene& scene, const Ray& ray, Precision precision);

@@ -4,12 +4,18 @@ namespace kdray::core {
 
 std::string_view Name(BuildKind kind) {
   switch (kind) {
-    case BuildKind::kKdSah: return "kd-sah";
-    case BuildKind::kKdBinned: return "kd-binned";
-    case BuildKind::kKdCyclic: return "kd-cyclic";
-    case BuildKind::kKdMedian: return "kd-median";
-    case BuildKind::kBvh: return "bvh";
-    case BuildKind::kBox: return "box";
+    case BuildKind::kKdSah:
+      return "kd-sah";
+    case BuildKind::kKdBinned:
+      return "kd-binned";
+    case BuildKind::kKdCyclic:
+      return "kd-cyclic";
+    case BuildKind::kKdMedian:
+      return "kd-median";
+    case BuildKind::kBvh:
+      return "bvh";
+    case BuildKind::kBox:
+      return "box";
   }
   return "";
 }

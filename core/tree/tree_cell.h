@@ -11,7 +11,8 @@
 namespace kdray::core {
 
 struct TreeCell {
-  Bounds3d bounds;  ///< in the mesh's local frame when a structure returns it; in world units from Scene::Cells
+  Bounds3d bounds;  ///< in the mesh's local frame when a structure returns it; in world units from
+                    ///< Scene::Cells
   std::uint32_t depth = 0;
   bool leaf = false;
   std::uint64_t triangles = 0;  ///< references in the leaves below; in a leaf, its triangles

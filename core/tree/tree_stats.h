@@ -8,15 +8,17 @@
 namespace kdray::core {
 
 struct TreeStats {
-  std::uint64_t nodes = 0;         ///< interior nodes and leaves
-  std::uint64_t leaves = 0;        ///< empty ones included
+  std::uint64_t nodes = 0;   ///< interior nodes and leaves
+  std::uint64_t leaves = 0;  ///< empty ones included
   std::uint64_t empty_leaves = 0;
-  std::uint64_t references = 0;    ///< triangles over all leaves; one may lie in several
-  std::uint32_t max_depth = 0;     ///< of the binary tree; the root has depth 0
-  std::vector<std::uint64_t> leaf_histogram;  ///< [n] = leaves with n triangles; as long as the fullest leaf needs
-  std::uint64_t bytes = 0;         ///< memory of the tree without vertices and indices
-  double sah_cost = 0;             ///< expected cost of a random ray that crosses the bounds, in traversal steps
-  double traversal_cost = 0;       ///< the model's constants that sah_cost was made with
+  std::uint64_t references = 0;  ///< triangles over all leaves; one may lie in several
+  std::uint32_t max_depth = 0;   ///< of the binary tree; the root has depth 0
+  std::vector<std::uint64_t>
+      leaf_histogram;       ///< [n] = leaves with n triangles; as long as the fullest leaf needs
+  std::uint64_t bytes = 0;  ///< memory of the tree without vertices and indices
+  double sah_cost =
+      0;  ///< expected cost of a random ray that crosses the bounds, in traversal steps
+  double traversal_cost = 0;  ///< the model's constants that sah_cost was made with
   double intersection_cost = 0;
   friend bool operator==(const TreeStats&, const TreeStats&) = default;
 };

@@ -1,0 +1,76 @@
+// The one table of errors of the HTTP contract: code, status, title. The server's answers, the
+// /problems/ pages, the documentation and the tests all walk it.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace kdray::api {
+
+enum class ErrorCode : std::uint8_t {
+  kInvalidJson,
+  kInvalidArray,
+  kInvalidParameter,
+  kMalformedRequest,
+  kUnauthorized,
+  kTreeNotFound,
+  kMeshNotFound,
+  kNotMeasured,
+  kNotFound,
+  kMethodNotAllowed,
+  kNotAcceptable,
+  kRequestTimeout,
+  kTreeBuilding,
+  kLengthRequired,
+  kMeshTooLarge,
+  kTooManyRays,
+  kTooManyHits,
+  kTooManyCells,
+  kImageTooLarge,
+  kBodyTooLarge,
+  kUriTooLong,
+  kUnsupportedMeshFormat,
+  kUnsupportedMediaType,
+  kUnsupportedEncoding,
+  kInvalidMesh,
+  kEmptyMesh,
+  kHeadersTooLarge,
+  kInternal,
+  kOverloaded,
+  kDraining,
+  kMemoryFull,
+  kDeadlineExceeded,
+  kStoreFull,
+};
+
+/// One row of the table.
+struct ErrorRow {
+  ErrorCode code;
+  std::string_view name;   ///< the wire's `code`, e.g. "tree_not_found"
+  int status;              ///< HTTP status
+  std::string_view title;  ///< `title` of the problem document
+  std::string_view
+      meaning;  ///< a sentence or two for the /problems/<code> page: when it comes and what to do
+};
+
+/// All rows, in the order of the enumerators.
+std::span<const ErrorRow> ErrorTable();
+const ErrorRow& RowOf(ErrorCode code);
+std::optional<ErrorCode> ParseErrorCode(std::string_view name);
+
+/// A refusal on its way to the client: becomes application/problem+json (RFC 9457).
+struct Problem {
+  ErrorCode code = ErrorCode::kInternal;
+  std::string detail;  ///< says where and what was allowed; nothing internal
+  std::optional<std::string> parameter =
+      {};                                  ///< name of a query parameter or header, or JSON pointer
+  std::optional<double> limit = {};        ///< what was allowed
+  std::optional<double> actual = {};       ///< what came
+  std::optional<std::uint64_t> line = {};  ///< 1-based line of a text mesh or JSON body
+  std::optional<int> retry_after_s = {};   ///< Retry-After, with 409 and 503
+};
+
+}  // namespace kdray::api
