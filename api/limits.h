@@ -1,0 +1,24 @@
+// What this server takes at most. Set from the command line; told by GET /v1 under these names.
+#pragma once
+
+#include <cstdint>
+
+namespace kdray::api {
+
+struct Limits {
+  std::uint64_t max_upload_bytes = std::uint64_t{1} << 30;  ///< mesh_too_large
+  std::uint64_t max_rays = 4'000'000;                       ///< too_many_rays
+  std::uint64_t max_pixels = 67'108'864;  ///< image_too_large, together with max_image_side
+  std::uint64_t max_image_side = 16'384;
+  std::uint64_t max_cells = 100'000;  ///< too_many_cells
+  std::uint64_t max_samples = 1024;
+  std::uint64_t max_deadline_ms = 600'000;
+  std::uint64_t max_wait_ms = 60'000;
+  std::uint64_t max_json_body_bytes = 1 << 20;  ///< body_too_large: renders
+  std::uint64_t max_json_depth = 32;
+
+  /// A JSON batch: every number written in full (25 bytes) in rows of eight.
+  std::uint64_t MaxBatchBytes() const { return 4096 + max_rays * 8 * 25; }
+};
+
+}  // namespace kdray::api

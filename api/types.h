@@ -1,0 +1,202 @@
+// The words of the HTTP contract as plain structs: what a request asks for and what an answer says.
+// Defaults stand here and nowhere else; ranges are checked by Check() in api/checks.h. No JSON, no
+// HTTP, no geometry.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "api/errors.h"
+
+namespace kdray::api {
+
+/// A value, or the refusal to send instead.
+template <class T>
+class [[nodiscard]] Outcome {
+ public:
+  Outcome(T value)
+      : state_(std::in_place_index<0>, std::move(value)) {}  // NOLINT(google-explicit-constructor)
+  Outcome(Problem problem)
+      : state_(std::in_place_index<1>, std::move(problem)) {
+  }  // NOLINT(google-explicit-constructor)
+  bool ok() const { return state_.index() == 0; }
+  explicit operator bool() const { return ok(); }
+  T& operator*() & { return std::get<0>(state_); }
+  const T& operator*() const& { return std::get<0>(state_); }
+  T&& operator*() && { return std::get<0>(std::move(state_)); }
+  T* operator->() { return &std::get<0>(state_); }
+  const T* operator->() const { return &std::get<0>(state_); }
+  const Problem& problem() const& { return std::get<1>(state_); }
+  Problem&& problem() && { return std::get<1>(std::move(state_)); }
+
+ private:
+  std::variant<T, Problem> state_;
+};
+/// For steps that only succeed or refuse.
+using Check = std::optional<Problem>;
+
+enum class Build : std::uint8_t { kAuto, kKdSah, kKdBinned, kKdCyclic, kKdMedian, kBvh, kBox };
+enum class Precision : std::uint8_t { kAuto, kFast, kWatertight, kDouble, kExact };
+enum class NumberType : std::uint8_t { kF4, kF8 };  ///< wire names f4, f8
+
+using Vec3 = std::array<double, 3>;
+struct Box {
+  Vec3 min{}, max{};
+};
+
+// ---- Batches ----
+
+/// ox oy oz t_min dx dy dz t_max: one ray, with the interval already filled in from columns 7 and 8
+/// or the options.
+template <class T>
+struct RayRow {
+  T ox, oy, oz, t_min, dx, dy, dz, t_max;
+};
+
+/// A decoded batch of rays. `shape` is the request's leading shape ((N) for JSON); its product is
+/// the number of rows. Numbers are kept in the type they came in.
+struct RayTable {
+  std::vector<std::size_t> shape;
+  std::variant<std::vector<RayRow<float>>, std::vector<RayRow<double>>> rows;
+
+  std::size_t size() const {
+    return std::visit([](const auto& r) { return r.size(); }, rows);
+  }
+  NumberType number_type() const { return rows.index() == 0 ? NumberType::kF4 : NumberType::kF8; }
+};
+
+enum class RayField : std::uint8_t { kT, kTriangle, kU, kV, kNormal, kPoint };
+
+/// Query parameters of a batch of ray queries.
+struct RayOptions {
+  Precision precision = Precision::kAuto;
+  std::vector<RayField> fields = {RayField::kT, RayField::kTriangle, RayField::kU,
+                                  RayField::kV};  ///< in the order asked
+  double t_min = 0;                               ///< for rows of 6 columns
+  std::optional<double> t_max;                    ///< for rows of 6 columns; none is infinity
+  std::int64_t deadline_ms = 30000;
+  std::optional<NumberType> dtype;  ///< of the answer's numbers; none is the request's, f8 for JSON
+};
+
+/// One row of `closest`. A miss has triangle -1 and t infinity; an invalid row has t NaN.
+struct RayHit {
+  double t, u, v;
+  std::int64_t triangle;
+};
+
+struct ClosestAnswer {
+  Precision precision = Precision::kAuto;  ///< the one used, never kAuto
+  std::vector<RayHit> hits;                ///< a row a ray
+  std::vector<std::array<float, 3>>
+      normals;               ///< unit geometric normals, only when asked for; NaN for a miss
+  std::vector<Vec3> points;  ///< origin + t * direction, only when asked for; NaN for a miss
+  std::vector<std::uint64_t> invalid;  ///< row numbers of rays that cannot be, ascending
+  double trace_ms = 0;                 ///< rays in memory to hits in memory
+};
+
+struct AnyAnswer {
+  Precision precision = Precision::kAuto;
+  std::vector<std::uint8_t> occluded;  ///< 0 or 1, a row a ray
+  std::vector<std::uint64_t> invalid;
+  double trace_ms = 0;
+};
+
+// ---- Trees ----
+
+struct MeshHealth {
+  std::uint64_t degenerate = 0, duplicate = 0, concave = 0, open_edges = 0, non_manifold_edges = 0;
+  bool closed = false;
+  double coordinate_resolution = 0;
+};
+
+struct MeshDescription {
+  std::string sha256;  ///< 64 lower-case hexadecimal digits
+  std::string format;  ///< "obj", "ply", "stl", "off"
+  std::uint64_t bytes = 0, triangles = 0, dropped = 0, vertices = 0;
+  Box bounds;
+  MeshHealth health;
+};
+
+struct TreeFacts {
+  Build build = Build::kKdSah;  ///< never kAuto: what was built
+  std::uint64_t nodes = 0, leaves = 0, empty_leaves = 0, references = 0;
+  std::uint32_t max_depth = 0;
+  std::vector<std::uint64_t> leaf_histogram;
+  std::uint64_t bytes = 0;
+  double sah_cost = 0, traversal_cost = 0, intersection_cost = 0, parse_ms = 0, build_ms = 0;
+};
+
+/// The answer of POST and GET /v1/trees. While a tree is built, `mesh` holds what is known (sha256
+/// and bytes) and `tree` is absent.
+struct TreeDescription {
+  std::string id;
+  bool ready = false;      ///< `state`: "ready" or "building"
+  double progress = 0;     ///< 0..1; 1 when ready
+  std::string created_at;  ///< RFC 3339, UTC, milliseconds
+  MeshDescription mesh;
+  bool mesh_known = false;  ///< the mesh was parsed: format, counts, bounds and health are there
+  std::optional<TreeFacts> tree;
+  std::string plan;  ///< for people: what was modelled and why
+};
+
+struct TreePage {
+  std::vector<TreeDescription> trees;
+  std::optional<std::string> next;  ///< cursor for `after`
+};
+
+// ---- Renders ----
+
+enum class Projection : std::uint8_t { kPerspective, kOrthographic };
+enum class RenderMode : std::uint8_t { kShaded, kNormal, kDepth, kTriangle };
+struct Region {
+  std::int64_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;  ///< half-open pixels of the whole image
+};
+
+/// Fields of render.png and render.npy. What is left out of the camera is chosen so that the mesh
+/// is framed.
+struct RenderRequest {
+  std::int64_t width = 640, height = 480;
+  Projection projection = Projection::kPerspective;
+  std::optional<Vec3> eye, target;
+  Vec3 up = {0, 1, 0};
+  double fov_deg = 40;
+  std::optional<double> view_height;
+  RenderMode mode = RenderMode::kShaded;
+  std::int64_t samples = 1;
+  Precision precision = Precision::kAuto;
+  std::optional<Vec3> color;       ///< sRGB 0..1
+  std::optional<Vec3> background;  ///< sRGB 0..1; see `transparent`
+  bool transparent = false;        ///< background=transparent
+  std::optional<std::int64_t> cells_depth;
+  std::optional<Region> region;
+  std::uint64_t seed = 0;
+  std::int64_t deadline_ms = 60000;
+};
+
+/// Row-major [height][width][channels], top row first.
+struct ImageArray {
+  std::size_t width = 0, height = 0,
+              channels = 1;  ///< channels 1: shape (H, W); else (H, W, channels)
+  std::variant<std::vector<float>, std::vector<std::int32_t>> values;
+};
+
+struct RenderAnswer {
+  Precision precision = Precision::kAuto;
+  std::variant<std::vector<std::byte>, ImageArray> image;  ///< PNG bytes, or the array for .npy
+  double trace_ms = 0, encode_ms = 0;
+};
+
+struct Cell {
+  Box bounds;
+  std::uint32_t depth = 0;
+  bool leaf = false;
+  std::uint64_t triangles = 0;
+};
+
+}  // namespace kdray::api

@@ -1,0 +1,103 @@
+// What the HTTP side needs from the engine side, so that routes, handlers and their status codes
+// are tested with a stub and no mesh. CoreEngine (server/core_engine.h) is the real one. Words are
+// the contract's (api/types.h).
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "api/types.h"
+#include "core/base/cancel.h"
+
+namespace kdray::server {
+
+/// Deadline of the request and departure of its client, in one.
+using core::CancelToken;
+
+/// A mesh on its way in: hashed and written to a temporary file while it arrives. Destroyed
+/// unfinished, it leaves nothing behind.
+class MeshUpload {
+ public:
+  virtual ~MeshUpload() = default;
+  /// store_full when the disk refuses.
+  virtual api::Check Append(std::span<const std::byte> bytes) = 0;
+
+  struct Stored {
+    std::string id;
+    bool existed = false;  ///< this id was there before
+  };
+  /// The mesh is on disk for good (fsync) and its build is under way or done when this returns; see
+  /// WaitUntilBuilt. empty_mesh for no bytes. Call once.
+  virtual api::Outcome<Stored> Finish(api::Build build) = 0;
+};
+
+/// A mesh's original bytes, readable while held even if the tree is deleted meanwhile.
+class MeshBytes {
+ public:
+  virtual ~MeshBytes() = default;
+  virtual std::uint64_t size() const = 0;
+  /// Fills `out` from `offset`; false when the disk fails.
+  virtual bool Read(std::uint64_t offset, std::span<std::byte> out) const = 0;
+};
+
+/// Every method is safe from many threads at once and may block the calling thread; none throws on
+/// purpose.
+class Engine {
+ public:
+  virtual ~Engine() = default;
+
+  /// Starts an upload of `size` bytes: mesh_too_large, store_full or memory_full before the first
+  /// byte.
+  virtual api::Outcome<std::unique_ptr<MeshUpload>> BeginUpload(std::uint64_t size) = 0;
+  /// Another build of a stored mesh: mesh_not_found.
+  virtual api::Outcome<MeshUpload::Stored> BuildStored(std::string_view sha256,
+                                                       api::Build build) = 0;
+
+  /// tree_not_found; for a failed build its problem, for 10 minutes (invalid_mesh, empty_mesh, …).
+  virtual api::Outcome<api::TreeDescription> Describe(std::string_view id) = 0;
+  /// Waits until the tree is built, fails, is deleted, or `until` or `cancel` comes; then describes
+  /// it as above (state building when time ran out).
+  virtual api::Outcome<api::TreeDescription> WaitUntilBuilt(
+      std::string_view id, std::chrono::steady_clock::time_point until,
+      const CancelToken& cancel) = 0;
+  /// Newest first; `mesh` empty or a sha256; `after` empty or a cursor (invalid_parameter when it
+  /// is not one).
+  virtual api::Outcome<api::TreePage> List(std::string_view mesh, std::size_t limit,
+                                           std::string_view after) = 0;
+  /// tree_not_found. A running build stops; the mesh goes with its last tree.
+  virtual api::Check Delete(std::string_view id) = 0;
+  virtual api::Outcome<std::unique_ptr<MeshBytes>> OpenMesh(std::string_view id) = 0;
+
+  // Queries wait for a tree that is being built until `cancel`'s deadline, then tree_building.
+  // deadline_exceeded when the deadline passes while tracing. A precision that is not there yet:
+  // invalid_parameter.
+  virtual api::Outcome<api::ClosestAnswer> Closest(std::string_view id, const api::RayTable& rays,
+                                                   const api::RayOptions& options,
+                                                   const CancelToken& cancel) = 0;
+  virtual api::Outcome<api::AnyAnswer> Any(std::string_view id, const api::RayTable& rays,
+                                           const api::RayOptions& options,
+                                           const CancelToken& cancel) = 0;
+  /// `png`: PNG bytes, else the array. invalid_parameter for a camera that cannot be (eye equal to
+  /// target, …).
+  virtual api::Outcome<api::RenderAnswer> Render(std::string_view id,
+                                                 const api::RenderRequest& request, bool png,
+                                                 const CancelToken& cancel) = 0;
+  /// too_many_cells beyond limits.max_cells.
+  virtual api::Outcome<std::vector<api::Cell>> Cells(std::string_view id, std::uint32_t depth,
+                                                     const CancelToken& cancel) = 0;
+
+  /// For /readyz: what was stored before has been read in.
+  virtual bool IsReady() const = 0;
+  /// Stops builds and waits for them; a build cut off here resumes at the next start. Queries under
+  /// way finish.
+  virtual void Shutdown() = 0;
+};
+
+}  // namespace kdray::server
