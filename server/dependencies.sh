@@ -1,0 +1,63 @@
+#!/usr/bin/env bash
+# The one list of Debian packages that kdray needs, and what installs those that are missing.
+#   server/dependencies.sh GROUP...          install what is missing; silent and offline when nothing is
+#   server/dependencies.sh --list GROUP...   print the names, one a line
+# Groups: build (compile the daemon and the command), test (build and run the tests as well), run (start the
+# compiled programs: the second stage of the Dockerfile), lint (clang-format and clang-tidy).
+set -euo pipefail
+
+packages_of() {
+  case $1 in
+    build) echo build-essential cmake ninja-build pkg-config python3 python3-yaml \
+      libcli11-dev libcpp-httplib-dev libssl-dev libstb-dev libtbb-dev nlohmann-json3-dev ;;
+    test) echo chromium chromium-driver curl libembree-dev libgmock-dev libgmp-dev libgtest-dev libpng-dev \
+      python3-numpy ;;
+    run) echo libcpp-httplib0.11 libssl3 libtbb12 ;;
+    lint) echo clang-format clang-tidy ;;
+    *) echo "server/dependencies.sh: no group '$1'; there are build, test, run and lint" >&2; return 2 ;;
+  esac
+}
+
+list_only=false
+[[ ${1:-} == --list ]] && { list_only=true; shift; }
+[[ $# -ge 1 ]] || { sed -n '2,6s/^# \{0,1\}//p' "$0" >&2; exit 2; }
+wanted=()
+for group in "$@"; do
+  names=$(packages_of "$group")
+  read -ra names <<<"$names"
+  wanted+=("${names[@]}")
+done
+if $list_only; then
+  printf '%s\n' "${wanted[@]}"
+  exit 0
+fi
+
+if ! command -v dpkg-query >/dev/null; then
+  echo "kdray: this is no Debian, so what it needs cannot be looked up. On Debian 12 it is:" "${wanted[@]}" >&2
+  exit 0  # what is really missing, CMake will say
+fi
+missing=()
+for name in "${wanted[@]}"; do
+  [[ $(dpkg-query -W -f '${db:Status-Status}' "$name" 2>/dev/null) == installed ]] || missing+=("$name")
+done
+((${#missing[@]})) || exit 0
+
+if [[ $(id -u) == 0 ]]; then
+  as_root=()
+elif command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [[ -t 0 ]]; }; then
+  as_root=(sudo)
+else
+  echo "kdray: these Debian packages are missing, and installing them needs root or sudo. As root:" >&2
+  echo "  apt-get install --no-install-recommends ${missing[*]}" >&2
+  exit 1
+fi
+echo "kdray: installing ${#missing[@]} Debian packages: ${missing[*]}" >&2
+apt_get() { "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq -o DPkg::Lock::Timeout=300 "$@"; }
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+# The packages' own talk (hundreds of lines) is shown only when something goes wrong.
+if ! { apt_get update && apt_get install -y --no-install-recommends "${missing[@]}"; } </dev/null >"$log" 2>&1; then
+  tail -n 30 "$log" >&2
+  echo "kdray: apt-get could not install them; see above" >&2
+  exit 1
+fi
