@@ -1,8 +1,11 @@
 // A bounding volume hierarchy with two children a node.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <utility>
 #include <vector>
@@ -62,7 +65,7 @@ void Bvh::Traverse(const LocalRay& ray, double pad, const Visit& visit,
   const auto clip = [&](std::uint32_t index) {
     const Bounds3f& b = nodes[index].bounds;
     LocalInterval interval = ClipToBox(ray, Bounds3d{Vec3d(b.min), Vec3d(b.max)}, pad, search);
-    interval.exit = std::fmin(interval.exit, limit);
+    interval.exit = std::min(interval.exit, limit);
     return interval;
   };
 

@@ -12,7 +12,9 @@ std::optional<LocalRay> MakeLocalRay(const Ray& ray, const MeshFrame& frame) {
   // direction * 2^-e in the mesh's frame. The local direction is the caller's times 2^-k; hence s =
   // t * 2^(k - e).
   const int k = std::ilogb(MaxAbs(ray.direction));
-  for (int axis = 0; axis < 3; ++axis) local.direction[axis] = std::ldexp(ray.direction[axis], -k);
+  for (int axis = 0; axis < 3; ++axis) {
+    local.direction[axis] = ScaleByPowerOfTwo(ray.direction[axis], -k);
+  }
   local.exponent = frame.exponent - k;
 
   for (int axis = 0; axis < 3; ++axis) {

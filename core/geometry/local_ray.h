@@ -9,12 +9,14 @@
 // size of `pad` for each precision.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <optional>
 
 #include "core/geometry/bounds3.h"
+#include "core/geometry/power_of_two.h"
 #include "core/geometry/ray.h"
 #include "core/geometry/triangle_mesh.h"
 
@@ -44,9 +46,9 @@ struct LocalRay {
   static constexpr double kTinyDirection = 0x1p-60;
 
   /// The caller's t of a local parameter. Monotonic.
-  double ToCallerT(double s) const { return std::ldexp(s + shift, exponent); }
+  double ToCallerT(double s) const { return ScaleByPowerOfTwo(s + shift, exponent); }
   /// The local parameter of a caller's t, rounded: for culling only, after padding.
-  double ToLocalT(double t) const { return std::ldexp(t, -exponent) - shift; }
+  double ToLocalT(double t) const { return ScaleByPowerOfTwo(t, -exponent) - shift; }
 };
 
 /// The part of a ray's parameter range that is still to be searched, local parameters.
@@ -75,8 +77,10 @@ inline LocalInterval ClipToBox(const LocalRay& ray, const Bounds3d& box, double 
     }
     const double to_low = (low - origin) * inverse;
     const double to_high = (high - origin) * inverse;
-    interval.enter = std::fmax(interval.enter, std::fmin(to_low, to_high));
-    interval.exit = std::fmin(interval.exit, std::fmax(to_low, to_high));
+    // No NaN can arise (finite times non-zero), so the plain minimum does, which is one instruction
+    // unlike std::fmin.
+    interval.enter = std::max(interval.enter, std::min(to_low, to_high));
+    interval.exit = std::min(interval.exit, std::max(to_low, to_high));
   }
   return interval;
 }

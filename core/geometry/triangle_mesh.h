@@ -92,6 +92,10 @@ class TriangleMesh {
   bool IsDegenerate(PrimitiveId id) const { return degenerate_[id]; }
   std::size_t degenerate_count() const { return degenerate_count_; }
 
+  /// Length of the shortest edge that is not a point, over triangles that are not degenerate, local units; infinity when
+  /// there is none. With the largest |local coordinate| in [0.5, 1) it tells which precision the mesh needs.
+  double shortest_edge() const { return shortest_edge_; }
+
   /// Memory of vertices, indices and flags.
   std::size_t bytes() const;
 
@@ -112,6 +116,7 @@ class TriangleMesh {
   std::vector<TriangleIndices> triangles_;
   std::vector<bool> degenerate_;
   std::size_t degenerate_count_ = 0;
+  double shortest_edge_ = 0;
 };
 
 struct TriangleMesh::Parts {

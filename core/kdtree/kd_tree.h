@@ -1,8 +1,11 @@
 // The kd-tree of all four kd builds, and the lecture note's Algorithm 2 to walk it.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -103,9 +106,9 @@ void KdTree::Traverse(const LocalRay& ray, double pad, const Visit& visit,
       } else {
         // Case 3: crosses the plane inside the cell.
         stack[static_cast<std::size_t>(stack_size++)] = {
-            far_child, {std::fmax(interval.enter, first), interval.exit}};
+            far_child, {std::max(interval.enter, first), interval.exit}};
         current = near_child;
-        interval.exit = std::fmin(interval.exit, last);
+        interval.exit = std::min(interval.exit, last);
       }
       continue;
     }
@@ -122,7 +125,7 @@ void KdTree::Traverse(const LocalRay& ray, double pad, const Visit& visit,
       current = stack[static_cast<std::size_t>(stack_size)].node;
       interval = stack[static_cast<std::size_t>(stack_size)].interval;
     } while (interval.enter > limit);
-    interval.exit = std::fmin(interval.exit, limit);
+    interval.exit = std::min(interval.exit, limit);
   }
 }
 
