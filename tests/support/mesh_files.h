@@ -1,0 +1,32 @@
+// Where the collection of real and hostile meshes lies, and the bytes of its files.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+namespace kdray::test {
+
+/// The collection's folder: the environment variable KDRAY_MESHES, else ../shared/meshes beside the
+/// source folder. Nothing when it is not there; tests then skip and say so.
+std::optional<std::filesystem::path> MeshFolder();
+
+/// All bytes of a file; throws std::runtime_error when it cannot be read.
+std::vector<std::byte> ReadFileBytes(const std::filesystem::path& path);
+
+/// The bytes of a text, for files written inside a test.
+std::vector<std::byte> Bytes(std::string_view text);
+
+}  // namespace kdray::test
+
+/// First line of a test that reads the collection.
+#define KDRAY_NEED_MESHES()                                                                  \
+  if (!::kdray::test::MeshFolder()) {                                                        \
+    GTEST_SKIP() << "no mesh collection: set KDRAY_MESHES, or put it into ../shared/meshes " \
+                    "beside the source folder";                                              \
+  }                                                                                          \
+  static_assert(true)
