@@ -1,0 +1,53 @@
+// The real Engine (server/engine.h): keeps meshes and trees with core's TreeLibrary and answers
+// queries with core's tracer and renderer. Thin: it parses ids, runs work in the query arena and
+// lets server/mapping translate.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "api/limits.h"
+#include "core/base/result.h"
+#include "server/engine.h"
+
+namespace kdray::core {
+class FileSystem;
+}
+
+namespace kdray::server {
+
+struct CoreEngineOptions {
+  std::filesystem::path data_dir;  ///< made when it is not there
+  int threads = 1;                 ///< for queries, and as many again for builds; >= 1
+  std::uint64_t memory_limit_bytes = std::uint64_t{4} << 30;  ///< meshes, trees and builds together
+  std::optional<std::uint64_t> store_limit_bytes;             ///< none: as much as the disk holds
+  api::Limits limits;
+  core::FileSystem* file_system = nullptr;  ///< for tests; null: the operating system's
+};
+
+/// What the engine has done since it started, and what it holds. For metrics and tests.
+struct EngineCounters {
+  std::uint64_t parses = 0;         ///< mesh files read
+  std::uint64_t builds = 0;         ///< trees built, rebuilt ones included
+  std::uint64_t loads = 0;          ///< trees read from disk instead of built
+  std::uint64_t rebuilds = 0;       ///< builds of trees that had been ready before
+  std::uint64_t damaged_files = 0;  ///< stored files that failed their check
+  std::uint64_t evictions = 0;      ///< meshes and trees dropped from memory
+  std::uint64_t memory_bytes = 0;   ///< reserved now, of memory_limit_bytes
+  std::uint64_t store_bytes = 0;    ///< on disk now
+  std::uint64_t trees = 0;          ///< ids now
+};
+
+class CoreEngine : public Engine {
+ public:
+  virtual EngineCounters counters() const = 0;
+};
+
+/// Takes the data directory, reads in what it holds and resumes builds that were cut off. Errors,
+/// each with a message for the operator: kInvalidArgument (an option out of range, another daemon
+/// uses the directory), kIo, kStoreFull (the directory cannot be made or read).
+core::Result<std::unique_ptr<CoreEngine>> MakeCoreEngine(CoreEngineOptions options);
+
+}  // namespace kdray::server
