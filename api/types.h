@@ -1,6 +1,6 @@
 // The words of the HTTP contract as plain structs: what a request asks for and what an answer says.
-// Defaults stand here and nowhere else; ranges are checked by Check() in api/checks.h. No JSON, no
-// HTTP, no geometry.
+// Defaults stand here and nowhere else; names and ranges stand in the tables of fields
+// (api/request_fields.h). No JSON, no HTTP, no geometry.
 #pragma once
 
 #include <array>
@@ -59,15 +59,21 @@ struct RayRow {
 };
 
 /// A decoded batch of rays. `shape` is the request's leading shape ((N) for JSON); its product is
-/// the number of rows. Numbers are kept in the type they came in.
+/// the number of rows. Numbers are kept in the type they came in, unless a float cannot hold the
+/// options' t_min or t_max that fill rows of 6: then float rows are widened, for the interval must
+/// not move.
 struct RayTable {
   std::vector<std::size_t> shape;
   std::variant<std::vector<RayRow<float>>, std::vector<RayRow<double>>> rows;
+  std::optional<NumberType> sent_as = {};  ///< the type the numbers came in; none is that of `rows`
 
   std::size_t size() const {
     return std::visit([](const auto& r) { return r.size(); }, rows);
   }
-  NumberType number_type() const { return rows.index() == 0 ? NumberType::kF4 : NumberType::kF8; }
+  /// The request's number type, which is the default `dtype` of the answer.
+  NumberType number_type() const {
+    return sent_as.value_or(rows.index() == 0 ? NumberType::kF4 : NumberType::kF8);
+  }
 };
 
 enum class RayField : std::uint8_t { kT, kTriangle, kU, kV, kNormal, kPoint };
@@ -142,6 +148,30 @@ struct TreeDescription {
   bool mesh_known = false;  ///< the mesh was parsed: format, counts, bounds and health are there
   std::optional<TreeFacts> tree;
   std::string plan;  ///< for people: what was modelled and why
+};
+
+/// Query parameters of POST /v1/trees.
+struct UploadRequest {
+  Build build = Build::kAuto;
+  std::optional<std::string> mesh;  ///< sha256 of a stored mesh: another build of it, no body
+  std::int64_t wait_ms = 30000;     ///< 0 answers at once
+};
+
+/// Query parameters of GET /v1/trees.
+struct ListRequest {
+  std::string mesh;          ///< sha256; empty is every mesh
+  std::int64_t limit = 100;  ///< trees a page
+  std::string after;         ///< `next` of the page before; empty is the newest
+};
+
+/// Query parameters of GET /v1/trees/{id}.
+struct DescribeRequest {
+  std::int64_t wait_ms = 0;  ///< 0 answers at once
+};
+
+/// Query parameters of GET /v1/trees/{id}/cells.
+struct CellsRequest {
+  std::int64_t depth = 0;  ///< of the nodes to list; required
 };
 
 struct TreePage {
