@@ -14,6 +14,7 @@
 #include "core/base/result.h"
 #include "core/geometry/bounds3.h"
 #include "core/geometry/hit.h"
+#include "core/geometry/power_of_two.h"
 #include "core/geometry/vec3.h"
 
 namespace kdray::core {
@@ -45,8 +46,17 @@ struct MeshFrame {
   Vec3d origin;
   int exponent = 0;
 
-  Vec3d ToLocal(const Vec3d& world) const;  ///< rounds, for points that are not vertices
-  Vec3d ToWorld(const Vec3d& local) const;
+  /// Rounds, for points that are not vertices.
+  Vec3d ToLocal(const Vec3d& world) const {
+    const Vec3d moved = world - origin;
+    return {ScaleByPowerOfTwo(moved.x, -exponent), ScaleByPowerOfTwo(moved.y, -exponent),
+            ScaleByPowerOfTwo(moved.z, -exponent)};
+  }
+  Vec3d ToWorld(const Vec3d& local) const {
+    return Vec3d{ScaleByPowerOfTwo(local.x, exponent), ScaleByPowerOfTwo(local.y, exponent),
+                 ScaleByPowerOfTwo(local.z, exponent)} +
+           origin;
+  }
   friend bool operator==(const MeshFrame&, const MeshFrame&) = default;
 };
 
