@@ -29,6 +29,11 @@ struct Bounds3 {
   }
   Vec3<T> Extent() const { return max - min; }
   Vec3<T> Center() const { return min * T(0.5) + max * T(0.5); }
+  /// Corner 0..7: bits 0, 1, 2 of `i` choose max instead of min along x, y, z.
+  Vec3<T> Corner(unsigned i) const {
+    return {(i & 1) != 0 ? max.x : min.x, (i & 2) != 0 ? max.y : min.y,
+            (i & 4) != 0 ? max.z : min.z};
+  }
 
   /// Area of the six faces; 0 for an empty box.
   T SurfaceArea() const {

@@ -62,6 +62,11 @@ template <class T>
 Vec3<T> Normalized(const Vec3<T>& a) {
   return a * (T(1) / Length(a));
 }
+/// The same for every finite a but zero: squares of very large and very small components would
+/// leave the range of T.
+template <class T>
+Vec3<T> NormalizedAtAnyScale(const Vec3<T>& a);
+
 template <class T>
 Vec3<T> Min(const Vec3<T>& a, const Vec3<T>& b) {
   return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)};
@@ -74,6 +79,11 @@ Vec3<T> Max(const Vec3<T>& a, const Vec3<T>& b) {
 template <class T>
 T MaxAbs(const Vec3<T>& a) {
   return std::max({std::abs(a.x), std::abs(a.y), std::abs(a.z)});
+}
+template <class T>
+Vec3<T> NormalizedAtAnyScale(const Vec3<T>& a) {
+  const T scale = MaxAbs(a);
+  return Normalized(Vec3<T>{a.x / scale, a.y / scale, a.z / scale});
 }
 template <class T>
 bool IsFinite(const Vec3<T>& a) {
