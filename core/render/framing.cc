@@ -1,0 +1,219 @@
+#include "core/render/framing.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <string>
+#include <utility>
+
+namespace kdray::core {
+namespace {
+
+// Views closer to `up` than this (sine of the angle) have no steady image axes in double.
+constexpr double kParallel = 1e-9;
+
+constexpr double kFrontAzimuthDeg = 30;
+constexpr double kFrontElevationDeg = 20;
+
+double ToRadians(double degrees) { return degrees * (std::numbers::pi / 180.0); }
+
+Error Invalid(std::string message) {
+  return Error{ErrorCode::kInvalidArgument, std::move(message)};
+}
+
+// The world as the framing rules name it.
+struct Compass {
+  Vec3d front, right, up;  // unit, orthogonal; front points from the mesh to a viewer before it
+
+  explicit Compass(const Vec3d& unit_up) : up(unit_up) {
+    // The smallest rotation that takes y to `up`, applied to +z.
+    const double one_plus_y = 1.0 + up.y;
+    front =
+        one_plus_y > kParallel
+            ? Normalized(Vec3d{-up.x * up.z / one_plus_y, -up.z, 1.0 - up.z * up.z / one_plus_y})
+            : Vec3d{0, 0, -1};
+    right = Cross(up, front);
+  }
+
+  // Unit vector from the mesh to the default eye.
+  Vec3d TowardViewer() const {
+    const double azimuth = ToRadians(kFrontAzimuthDeg);
+    const double elevation = ToRadians(kFrontElevationDeg);
+    return Normalized(front * (std::cos(elevation) * std::cos(azimuth)) +
+                      right * (std::cos(elevation) * std::sin(azimuth)) + up * std::sin(elevation));
+  }
+};
+
+// A length to go by when there is nothing else: the box's longest side, or for a point some
+// fraction of its distance from 0 that double can resolve.
+double SizeOf(const Bounds3d& bounds) {
+  if (const double side = MaxAbs(bounds.Extent()); side > 0) return side;
+  const double distance = MaxAbs(bounds.Center());
+  return distance > 0 ? distance * 0x1p-10 : 1.0;
+}
+
+// A corner of the box seen from the middle of the view: x, y in the image plane, nearness toward
+// the eye.
+struct Corner {
+  double x, y, nearness;
+};
+
+std::array<Corner, 8> CornersAround(const Bounds3d& bounds, const Vec3d& middle,
+                                    const Camera& camera) {
+  std::array<Corner, 8> corners;
+  for (unsigned i = 0; i < corners.size(); ++i) {
+    const Vec3d offset = bounds.Corner(i) - middle;
+    corners[i] = {Dot(offset, camera.right), Dot(offset, camera.upward),
+                  -Dot(offset, camera.forward)};
+  }
+  return corners;
+}
+
+// One axis of the image of a perspective camera at distance d before the middle, shifted sideways
+// by s: a corner is inside when |p - s| <= slope * (d - nearness). The least d that lets all in,
+// and its s.
+struct AxisFit {
+  double distance, shift;
+};
+
+AxisFit FitAxis(const std::array<Corner, 8>& corners, double Corner::*position, double slope,
+                bool may_shift) {
+  double high = -std::numeric_limits<double>::infinity();
+  double low = std::numeric_limits<double>::infinity();
+  for (const Corner& corner : corners) {
+    high = std::max(high, corner.*position + slope * corner.nearness);
+    low = std::min(low, corner.*position - slope * corner.nearness);
+  }
+  if (may_shift) return {(high - low) / (2 * slope), (high + low) / 2};
+  return {std::max(high, -low) / slope, 0};
+}
+
+// Step 1: what the caller's numbers may be.
+Status Check(const CameraSpec& spec) {
+  if (spec.eye && !IsFinite(*spec.eye)) return Invalid("eye: not finite");
+  if (spec.target && !IsFinite(*spec.target)) return Invalid("target: not finite");
+  if (spec.up && !IsFinite(*spec.up)) return Invalid("up: not finite");
+  if (spec.up && MaxAbs(*spec.up) == 0) return Invalid("up: is zero");
+  if (spec.fov_deg && !(*spec.fov_deg > 0 && *spec.fov_deg < 180)) {
+    return Invalid("fov_deg: must be above 0 and below 180");
+  }
+  if (spec.view_height && !(*spec.view_height > 0 && std::isfinite(*spec.view_height))) {
+    return Invalid("view_height: must be above 0");
+  }
+  if (spec.eye && spec.target) {
+    if (*spec.eye == *spec.target) return Invalid("eye: equals target");
+    if (!IsFinite(*spec.target - *spec.eye)) return Invalid("eye: too far from target");
+  }
+  return {};
+}
+
+// Step 2: the directions of the view, which depend on no distance.
+Status ChooseAxes(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera) {
+  const Vec3d up = NormalizedAtAnyScale(spec.up.value_or(Vec3d{0, 1, 0}));
+  const Vec3d toward_viewer = Compass(up).TowardViewer();
+  if (spec.eye) {
+    Vec3d view = spec.target.value_or(bounds.Center()) - *spec.eye;
+    if (!IsFinite(view)) return Invalid("eye: too far from the mesh");
+    camera->forward = MaxAbs(view) > 0 ? NormalizedAtAnyScale(view) : -toward_viewer;
+  } else {
+    camera->forward = -toward_viewer;
+  }
+
+  camera->up = spec.up.value_or(Vec3d{0, 1, 0});
+  Vec3d right = Cross(camera->forward, up);
+  if (!(Length(right) > kParallel)) {
+    if (spec.up) return Invalid("up: must not be parallel to the view from eye to target");
+    camera->up = Vec3d{0, 0, camera->forward.y < 0 ? -1.0 : 1.0};
+    right = Cross(camera->forward, camera->up);
+  }
+  camera->right = Normalized(right);
+  camera->upward = Normalized(Cross(camera->right, camera->forward));
+  return {};
+}
+
+// Step 3: how far away, and what is in the middle.
+void PlacePerspective(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera) {
+  if (spec.eye) {
+    camera->eye = *spec.eye;
+    return;
+  }
+  const Vec3d middle = spec.target.value_or(bounds.Center());
+  const auto corners = CornersAround(bounds, middle, *camera);
+  const bool may_shift = !spec.target;
+  const AxisFit across = FitAxis(corners, &Corner::x, camera->half_width * kFramedShare, may_shift);
+  const AxisFit along = FitAxis(corners, &Corner::y, camera->half_height * kFramedShare, may_shift);
+  double nearest = -std::numeric_limits<double>::infinity();
+  for (const Corner& corner : corners) nearest = std::max(nearest, corner.nearness);
+  // A box without height and width in the image would otherwise touch the eye.
+  const double size = SizeOf(bounds);
+  const double clear =
+      MaxAbs(bounds.Extent()) > 0 ? nearest + size * 0x1p-10 : std::max(nearest, 0.0) + size;
+  const double distance = std::max({across.distance, along.distance, clear});
+  camera->target = middle + camera->right * across.shift + camera->upward * along.shift;
+  camera->eye = camera->target - camera->forward * distance;
+}
+
+void PlaceOrthographic(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera) {
+  const double size = SizeOf(bounds);
+  if (spec.eye) {
+    camera->eye = *spec.eye;
+  } else {
+    camera->target = spec.target.value_or(bounds.Center());
+    double nearest = 0;
+    for (const Corner& corner : CornersAround(bounds, camera->target, *camera)) {
+      nearest = std::max(nearest, corner.nearness);
+    }
+    camera->eye = camera->target - camera->forward * (nearest + size);
+  }
+  if (spec.view_height) {
+    camera->view_height = *spec.view_height;
+  } else {
+    const double aspect = static_cast<double>(camera->width) / camera->height;
+    double half_height = 0;
+    for (const Corner& corner : CornersAround(bounds, camera->eye, *camera)) {
+      half_height = std::max({half_height, std::abs(corner.y), std::abs(corner.x) / aspect});
+    }
+    camera->view_height = half_height > 0 ? 2 * half_height / kFramedShare : size;
+  }
+  camera->half_height = camera->view_height / 2;
+  camera->half_width = camera->half_height * camera->width / camera->height;
+}
+
+}  // namespace
+
+Result<Camera> ResolveCamera(const CameraSpec& spec, const Bounds3d& bounds, int width,
+                             int height) {
+  assert(!bounds.IsEmpty() && width > 0 && height > 0);
+  if (Status status = Check(spec); !status.ok()) return std::move(status).error();
+
+  Camera camera;
+  camera.projection = spec.projection;
+  camera.width = width;
+  camera.height = height;
+  if (Status status = ChooseAxes(spec, bounds, &camera); !status.ok()) {
+    return std::move(status).error();
+  }
+
+  if (spec.projection == Projection::kPerspective) {
+    camera.fov_deg = spec.fov_deg.value_or(kDefaultFovDeg);
+    camera.half_height = std::tan(ToRadians(camera.fov_deg) / 2);
+    camera.half_width = camera.half_height * width / height;
+    PlacePerspective(spec, bounds, &camera);
+  } else {
+    PlaceOrthographic(spec, bounds, &camera);
+  }
+  if (spec.eye) {
+    camera.target = spec.target.value_or(bounds.Center());
+    if (camera.target == camera.eye) camera.target = camera.eye + camera.forward * SizeOf(bounds);
+  }
+  if (!IsFinite(camera.eye) || !IsFinite(camera.target) || !std::isfinite(camera.half_width) ||
+      !std::isfinite(camera.half_height)) {
+    return Invalid("eye: the view is too large for the numbers that describe it");
+  }
+  return camera;
+}
+
+}  // namespace kdray::core
