@@ -1,0 +1,77 @@
+// The tree in the picture: edges of its cells as thin lines, hidden where the mesh is in front
+// (the lecture note's Figure 4).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/geometry/hit.h"
+#include "core/render/camera.h"
+#include "core/render/color.h"
+#include "core/render/film.h"
+#include "core/tree/tree_cell.h"
+
+namespace kdray::core {
+
+/// How lines look. The defaults are tuned by eye: thin enough to leave the mesh in charge, strong
+/// enough for white and black backgrounds.
+struct LineStyle {
+  Rgb color = {0.10f, 0.36f, 0.80f};  ///< sRGB
+  float width_px = 1.1f;              ///< at an image height of up to 640, from there in proportion
+  float near_opacity = 0.95f;         ///< of a line at the nearest point of all cells
+  float far_opacity = 0.30f;          ///< at the farthest, in proportion to depth between them
+};
+
+/// Lines projected once, then drawn tile by tile. The value of a pixel depends on the pixel, the
+/// cells and the camera alone: not on the region, nor on the order of the cells, since the most
+/// opaque line wins. Immutable once made; safe from many threads at once.
+class CellLines {
+ public:
+  /// Edges of `cells` (world units) as the camera sees them within `region`.
+  CellLines(std::span<const TreeCell> cells, const Camera& camera, const Region& region,
+            const LineStyle& style = {});
+
+  /// Opacity of the lines for each pixel of `tile`, row by row. hits: `samples` per pixel, in the
+  /// same order, their t being depth; a line is hidden by the share of samples whose surface lies
+  /// in front of it. Surfaces less than two pixel sizes in front do not hide it: cells end where
+  /// the mesh does, so lines lie in surfaces, and samples do not lie on lines.
+  void Draw(const Tile& tile, std::span<const Hit> hits, int samples,
+            std::span<float> opacity) const;
+
+  const LineStyle& style() const { return style_; }
+
+ private:
+  // A piece of an edge in image coordinates, within the image but for a margin.
+  struct Segment {
+    double x0, y0, x1, y1;
+    double w0, w1;  // linear along the segment: 1 / depth in perspective, else depth
+  };
+
+  // Square blocks of the region; each knows the segments that may touch it.
+  struct Bins {
+    int side = 32;
+    int columns = 0, rows = 0;
+    std::vector<std::uint32_t> first;  // columns * rows + 1 positions in `segments`
+    std::vector<std::uint32_t> segments;
+  };
+
+  void AddEdge(const Vec3d& from, const Vec3d& to);
+  void FillBins();
+  template <class Visit>
+  void VisitBins(const Segment& segment, const Visit& visit) const;
+  void DrawSegment(const Segment& segment, const Tile& part, const Tile& tile,
+                   std::span<const Hit> hits, int samples, std::span<float> opacity) const;
+  float FadeAt(double depth) const;
+
+  Camera camera_;
+  Region region_;
+  LineStyle style_;
+  double reach_px_ = 0;  // from the middle of a line to where it no longer shows
+  double half_width_px_ = 0;
+  double near_depth_ = 0, far_depth_ = 0;  // of all cells
+  std::vector<Segment> segments_;
+  Bins bins_;
+};
+
+}  // namespace kdray::core

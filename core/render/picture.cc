@@ -1,0 +1,126 @@
+#include "core/render/picture.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <span>
+#include <tuple>
+#include <utility>
+
+#include "core/base/parallel.h"
+#include "core/render/cell_lines.h"
+#include "core/render/shading.h"
+
+namespace kdray::core {
+namespace {
+
+constexpr float kFarGrey = 32.0f / 255.0f;
+
+// Depths of the mesh's bounds, as far as they lie before the eye.
+std::pair<double, double> DepthRange(const RenderedImage& image) {
+  double near = std::numeric_limits<double>::infinity();
+  double far = 0;
+  for (unsigned i = 0; i < 8; ++i) {
+    const double depth = std::max(image.camera.ToView(image.bounds.Corner(i)).depth, 0.0);
+    near = std::min(near, depth);
+    far = std::max(far, depth);
+  }
+  return {near, far};
+}
+
+// Colour of one pixel before the background, in codes / 255, premultiplied: what is not light is
+// blended as the numbers that it is.
+class DataColors {
+ public:
+  explicit DataColors(const RenderedImage& image) : image_(image) {
+    std::tie(near_, far_) = DepthRange(image);
+  }
+
+  Rgba operator()(int x, int y) const {
+    switch (image_.mode) {
+      case RenderMode::kNormal: {
+        const float share = (*image_.coverage)(x, y)[0];
+        const std::span<const float> n = std::get<Film<float>>(image_.values)(x, y);
+        return {(n[0] + share) / 2, (n[1] + share) / 2, (n[2] + share) / 2, share};
+      }
+      case RenderMode::kDepth: {
+        const float depth = std::get<Film<float>>(image_.values)(x, y)[0];
+        if (!std::isfinite(depth)) return {};
+        const double range = far_ - near_;
+        const double share =
+            range > 0 ? std::clamp((static_cast<double>(depth) - near_) / range, 0.0, 1.0) : 0.0;
+        const float grey = 1.0f - (1.0f - kFarGrey) * static_cast<float>(share);
+        return {grey, grey, grey, 1.0f};
+      }
+      case RenderMode::kTriangle: {
+        const std::int32_t id = std::get<Film<std::int32_t>>(image_.values)(x, y)[0];
+        if (id < 0) return {};
+        const Rgb c = HashedColor(static_cast<PrimitiveId>(id));
+        return {c.r, c.g, c.b, 1.0f};
+      }
+      case RenderMode::kShaded:
+        break;
+    }
+    return {};
+  }
+
+ private:
+  const RenderedImage& image_;
+  double near_ = 0, far_ = 0;
+};
+
+// `encode` turns one straight channel into its code.
+template <class Encode>
+void Write(const Rgba& c, const Encode& encode, std::span<std::uint8_t> pixel) {
+  const float unpremultiply = c.a > 0.0f ? 1.0f / c.a : 0.0f;
+  pixel[0] = encode(c.r * unpremultiply);
+  pixel[1] = encode(c.g * unpremultiply);
+  pixel[2] = encode(c.b * unpremultiply);
+  if (pixel.size() == 4) pixel[3] = ToUnorm8(c.a);
+}
+
+}  // namespace
+
+Picture MakePicture(const RenderedImage& image) {
+  const Region& region = image.region();
+  const Background& background = image.background;
+  Picture picture;
+  picture.width = region.width();
+  picture.height = region.height();
+  picture.channels = background.transparent ? 4 : 3;
+  const auto channels = static_cast<std::size_t>(picture.channels);
+  picture.pixels.resize(region.pixel_count() * channels);
+
+  const DataColors data_color(image);
+  const Rgba behind = background.transparent
+                          ? Rgba{}
+                          : Rgba{background.color.r, background.color.g, background.color.b, 1.0f};
+  const Rgb line = LineStyle{}.color;
+
+  const auto row_bytes = static_cast<std::size_t>(picture.width) * channels;
+  const auto write_row = [&](std::size_t row) {
+    const int y = region.y0 + static_cast<int>(row);
+    std::span<std::uint8_t> rest = std::span(picture.pixels).subspan(row * row_bytes, row_bytes);
+    for (int x = region.x0; x < region.x1; ++x, rest = rest.subspan(channels)) {
+      const std::span<std::uint8_t> pixel = rest.first(channels);
+      if (image.mode == RenderMode::kShaded) {
+        const std::span<const float> c = std::get<Film<float>>(image.values)(x, y);
+        Write({c[0], c[1], c[2], c[3]}, LinearToSrgb8, pixel);
+        continue;
+      }
+      Rgba c = Over(data_color(x, y), behind);
+      if (image.lines) {
+        c = Over(Rgba{line.r, line.g, line.b, 1.0f} * (*image.lines)(x, y)[0], c);
+      }
+      Write(c, ToUnorm8, pixel);
+    }
+  };
+  ParallelFor(0, static_cast<std::size_t>(picture.height), 16,
+              [&](std::size_t first, std::size_t last) {
+                for (std::size_t row = first; row < last; ++row) write_row(row);
+              });
+  return picture;
+}
+
+}  // namespace kdray::core

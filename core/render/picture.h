@@ -1,0 +1,31 @@
+// A rendered image as people look at it: 8-bit sRGB.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/render/renderer.h"
+
+namespace kdray::core {
+
+/// Row-major [height][width][channels], top row first. 3 channels: red, green, blue; 4: alpha
+/// behind, not premultiplied, as PNG has it.
+struct Picture {
+  int width = 0, height = 0, channels = 3;
+  std::vector<std::uint8_t> pixels;
+  friend bool operator==(const Picture&, const Picture&) = default;
+};
+
+/// 4 channels when the background is transparent, else 3.
+///   kShaded    sRGB-encoded.
+///   kNormal    (n + 1) / 2 as codes 0..255, not sRGB-encoded, over the background.
+///   kDepth     grey, lighter when nearer: code 255 at the least depth of the mesh's bounds (0 when
+///              the eye is among them), 32 at the greatest, linear between. The range is that of
+///              the bounds, not of the pixels, so that regions fit together.
+///   kTriangle  a colour by number (HashedColor).
+/// Pixels that miss show the background. Lines of cells lie over all of it.
+/// A region's picture equals that part of the whole picture. O(pixels), in parallel within the
+/// caller's arena.
+Picture MakePicture(const RenderedImage& image);
+
+}  // namespace kdray::core

@@ -1,0 +1,88 @@
+// From a scene and a caller's wishes to pixels. Rays go through the batch interface of
+// core/trace/trace.h; core/render/picture.h turns the result into 8-bit colours.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <variant>
+
+#include "core/base/cancel.h"
+#include "core/base/progress.h"
+#include "core/base/result.h"
+#include "core/geometry/bounds3.h"
+#include "core/render/camera.h"
+#include "core/render/color.h"
+#include "core/render/film.h"
+#include "core/render/framing.h"
+#include "core/scene/scene.h"
+#include "core/trace/precision.h"
+
+namespace kdray::core {
+
+enum class RenderMode : std::uint8_t {
+  kShaded,    ///< Lambert under a headlight at the eye, two-sided
+  kNormal,    ///< unit normals of the triangles, world axes, by the order of their corners
+  kDepth,     ///< distance along the view axis, world units
+  kTriangle,  ///< number of the triangle
+};
+
+/// What lies behind the mesh.
+struct Background {
+  Rgb color = {1, 1, 1};  ///< sRGB
+  bool transparent = false;
+};
+
+struct RenderSpec {
+  static constexpr int kMaxSide = 16384;
+  static constexpr int kMaxSamples = 65536;
+  static constexpr std::size_t kMaxCells = 16384;
+
+  int width = 640, height = 480;  ///< pixels, each 1..kMaxSide
+  CameraSpec camera;
+  RenderMode mode = RenderMode::kShaded;
+  int samples = 1;  ///< per pixel, 1..kMaxSamples; 1 is the pixel's centre. kDepth and kTriangle
+                    ///< take one whatever this says
+  Precision precision = Precision::kWatertight;
+  Rgb color = {0.86f, 0.83f, 0.79f};         ///< of the mesh, sRGB, each 0..1
+  std::optional<Background> background;      ///< left out: white for kShaded, else black
+  std::optional<std::uint32_t> cells_depth;  ///< draw the tree's nodes at this depth and the leaves
+                                             ///< above it as lines; at most kMaxCells of them
+  std::optional<Region> region;              ///< part of the image to render; left out: all of it
+  std::uint64_t seed = 0;                    ///< of the sample positions
+};
+
+/// What was rendered. All films cover the same region.
+struct RenderedImage {
+  RenderMode mode = RenderMode::kShaded;
+  Camera camera;          ///< as used, chosen values filled in
+  Bounds3d bounds;        ///< of the mesh, world units
+  Background background;  ///< as used
+
+  /// kShaded: float, 4 channels: linear red, green, blue premultiplied by the fourth, coverage
+  /// (1 everywhere but before a transparent background). Lines of cells are in it.
+  /// kNormal: float, 3 channels: mean over the samples of x, y, z, where a miss counts as 0 0 0.
+  /// kDepth: float, 1 channel: infinity for a miss; a hit farther than float reaches has the
+  /// largest float. kTriangle: int32, 1 channel: -1 for a miss.
+  std::variant<Film<float>, Film<std::int32_t>> values;
+
+  std::optional<Film<float>> coverage;  ///< kNormal: share of the samples that hit
+  std::optional<Film<float>> lines;     ///< cells asked for and not kShaded: opacity of the lines,
+                                        ///< for pictures; the numbers above stay as they are
+
+  const Region& region() const {
+    return std::visit([](const auto& film) -> const Region& { return film.region(); }, values);
+  }
+};
+
+/// Renders in tiles, in parallel within the caller's arena; looks at `cancel` at least once per
+/// tile of at most 4096 rays (or one pixel). The result depends on scene.mesh and spec alone (with
+/// cells_depth on the tree as well): not on the number of threads, nor on the region, so that
+/// regions put together equal the whole bit for bit. Only what the mode needs is computed.
+/// Memory: 16 bytes a pixel at most, and some 0.5 MB a thread. `progress` may be null; it
+/// reaches 1. Errors: kInvalidArgument (the message begins with the field's name), kCancelled,
+/// kDeadlineExceeded. Safe from many threads at once.
+Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec,
+                             const CancelToken& cancel = {}, Progress* progress = nullptr);
+
+}  // namespace kdray::core
