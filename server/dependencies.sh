@@ -9,10 +9,10 @@ set -euo pipefail
 packages_of() {
   case $1 in
     build) echo build-essential cmake ninja-build pkg-config python3 python3-yaml \
-      libcli11-dev libcpp-httplib-dev libssl-dev libstb-dev libtbb-dev nlohmann-json3-dev ;;
+      libcli11-dev libcpp-httplib-dev libdeflate-dev libssl-dev libstb-dev libtbb-dev nlohmann-json3-dev ;;
     test) echo chromium chromium-driver curl libembree-dev libgmock-dev libgmp-dev libgtest-dev libpng-dev \
       python3-numpy ;;
-    run) echo libcpp-httplib0.11 libssl3 libtbb12 ;;
+    run) echo libcpp-httplib0.11 libdeflate0 libssl3 libtbb12 ;;
     lint) echo clang-format clang-tidy ;;
     *) echo "server/dependencies.sh: no group '$1'; there are build, test, run and lint" >&2; return 2 ;;
   esac
