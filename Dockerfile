@@ -1,0 +1,28 @@
+# The daemon in a container:
+#   docker build -t kdray . && docker run -p 8080:8080 -v kdray:/var/lib/kdray kdray
+# Every option of kdrayd is also an environment variable: KDRAY_MEMORY_LIMIT=2GiB, KDRAY_TOKEN_FILE=/run/secrets/tokens, ...
+
+FROM debian:bookworm-slim AS build
+WORKDIR /src
+# Before the sources, so that this layer is made again only when the list changes.
+COPY server/dependencies.sh server/
+RUN server/dependencies.sh build && rm -rf /var/lib/apt/lists/*
+COPY . .
+RUN cmake/build.sh release kdrayd kdray && strip build/release/bin/kdrayd build/release/bin/kdray
+
+FROM debian:bookworm-slim
+RUN --mount=type=bind,from=build,source=/src/server,target=/src/server \
+    /src/server/dependencies.sh run && rm -rf /var/lib/apt/lists/*
+RUN useradd --system --uid 8080 --user-group --no-create-home --shell /usr/sbin/nologin kdray \
+    && install -d -o kdray -g kdray -m 700 /var/lib/kdray
+COPY --from=build /src/build/release/bin/kdrayd /src/build/release/bin/kdray /usr/local/bin/
+# A library that is missing shows here, not at the first start.
+RUN kdrayd --version && kdray --version
+USER kdray
+ENV KDRAY_HOST=0.0.0.0 KDRAY_PORT=8080 KDRAY_DATA_DIR=/var/lib/kdray
+VOLUME /var/lib/kdray
+EXPOSE 8080
+# The shell opens the connection itself, so that the image needs no HTTP client.
+HEALTHCHECK --interval=10s --timeout=3s --start-period=10s CMD ["bash", "-c", \
+    "exec 3<>/dev/tcp/127.0.0.1/$KDRAY_PORT && printf 'GET /healthz HTTP/1.1\\r\\nHost: localhost\\r\\nConnection: close\\r\\n\\r\\n' >&3 && read -r -u 3 -t 2 _ status _ && [[ $status == 200 ]]"]
+ENTRYPOINT ["kdrayd"]
