@@ -23,6 +23,11 @@ enum class MeshFormat : std::uint8_t { kObj, kPly, kStl, kOff };
 /// "obj", "ply", "stl", "off".
 std::string_view Name(MeshFormat format);
 
+/// Largest |coordinate| of a vertex that triangles use: what a 32-bit float holds, rounded down.
+inline constexpr double kMaxCoordinate = 3.4e38;
+inline constexpr std::size_t kMaxTriangles = std::size_t{1} << 30;
+inline constexpr std::size_t kMaxVertices = 0xfffffffe;
+
 using TriangleIndices = std::array<std::uint32_t, 3>;
 
 /// What a mesh file says, before any judgement: vertices as stored, in file order, and polygons cut
@@ -38,10 +43,12 @@ struct MeshData {
       false;  ///< the file's coordinates are 32-bit floats (binary STL, PLY float)
 };
 
-/// The mesh's own frame: local = (world - origin) * 2^-exponent, exact for every vertex. The
-/// exponent puts the largest |local coordinate| of a vertex that triangles use into [0.5, 1). The
-/// origin is a point with few bits near the mesh when the mesh lies far from 0 (per axis) and the
-/// subtraction is exact for every vertex; otherwise 0 on that axis.
+/// The mesh's own frame: local = (world - origin) * 2^-exponent, exact for every vertex that
+/// triangles use. (Its one limit is that of the number type: a coordinate below 2^-1022 of the
+/// mesh's size becomes a multiple of 2^-1074 of it.) The exponent puts the largest |local
+/// coordinate| into [0.5, 1); it is 0 when all are 0. The origin is a point with few bits near the
+/// mesh on each axis where the mesh lies far from 0, its centre by more than 4 times its longest
+/// side; else 0.
 struct MeshFrame {
   Vec3d origin;
   int exponent = 0;
@@ -64,8 +71,9 @@ struct MeshFrame {
 class TriangleMesh {
  public:
   /// kEmptyMesh without a triangle; kInvalidMesh when a coordinate of a used vertex is not finite
-  /// or beyond 3.4e38 (the message names the vertex), kMeshTooLarge beyond 2^30 triangles or 2^32 -
-  /// 2 vertices. O(vertices + triangles).
+  /// or beyond kMaxCoordinate (the message names the first such vertex), kMeshTooLarge beyond
+  /// kMaxTriangles or kMaxVertices. A vertex that no triangle uses is counted and may be anything;
+  /// its local coordinates are 0. O(vertices + triangles).
   static Result<TriangleMesh> Create(const MeshData& data);
 
   std::size_t triangle_count() const { return triangles_.size(); }
@@ -102,8 +110,9 @@ class TriangleMesh {
   bool IsDegenerate(PrimitiveId id) const { return degenerate_[id]; }
   std::size_t degenerate_count() const { return degenerate_count_; }
 
-  /// Length of the shortest edge that is not a point, over triangles that are not degenerate, local units; infinity when
-  /// there is none. With the largest |local coordinate| in [0.5, 1) it tells which precision the mesh needs.
+  /// Length of the shortest edge that is not a point, over triangles that are not degenerate, local
+  /// units; infinity when there is none. With the largest |local coordinate| in [0.5, 1) it tells
+  /// which precision the mesh needs.
   double shortest_edge() const { return shortest_edge_; }
 
   /// Memory of vertices, indices and flags.

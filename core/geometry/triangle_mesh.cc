@@ -1,0 +1,186 @@
+#include "core/geometry/triangle_mesh.h"
+
+#include <algorithm>
+#include <cassert>
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+
+#include "core/geometry/predicates.h"
+
+namespace kdray::core {
+namespace {
+
+// Which vertices triangles use. Only those count: a file may store others, even broken ones.
+std::vector<bool> FindUsed(const MeshData& data) {
+  std::vector<bool> used(data.vertices.size());
+  for (const TriangleIndices& triangle : data.triangles) {
+    for (const std::uint32_t index : triangle) {
+      assert(index < used.size());
+      used[index] = true;
+    }
+  }
+  return used;
+}
+
+template <class F>
+void ForEachUsed(const MeshData& data, const std::vector<bool>& used, F&& f) {
+  for (std::size_t i = 0; i < data.vertices.size(); ++i) {
+    if (used[i]) f(data.vertices[i]);
+  }
+}
+
+std::string Shortest(double value) {
+  char text[32];
+  return std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
+}
+
+std::optional<Error> CheckCoordinates(const MeshData& data, const std::vector<bool>& used) {
+  for (std::size_t i = 0; i < data.vertices.size(); ++i) {
+    if (!used[i]) continue;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double value = data.vertices[i][axis];
+      if (std::fabs(value) <= kMaxCoordinate) continue;  // false for NaN
+      const char* why = std::isfinite(value) ? " is beyond 3.4e38" : " is not finite";
+      return Error{ErrorCode::kInvalidMesh, "vertex " + std::to_string(i + 1) +
+                                                " (counted from 1): " + "xyz"[axis] + " = " +
+                                                Shortest(value) + why};
+    }
+  }
+  return std::nullopt;
+}
+
+// `center` rounded to a multiple of the smallest power of two that is not below `extent`.
+double RoundToExtent(double center, double extent) {
+  if (extent == 0) return center;
+  int exponent = 0;
+  if (std::frexp(extent, &exponent) == 0.5) --exponent;   // a power of two is its own
+  if (std::ilogb(center) - exponent > 52) return center;  // a multiple already
+  return std::ldexp(std::nearbyint(std::ldexp(center, -exponent)), exponent);
+}
+
+// Far from 0 means by more than four times the size of the mesh: nearer, a subtraction would win
+// three bits at most. So every coordinate is within a factor of 2 of the origin, which is off the
+// centre by one extent at most, and their difference is a double (Sterbenz's lemma).
+Vec3d ChooseOrigin(const Bounds3d& bounds) {
+  const Vec3d center = bounds.Center();
+  const double extent = MaxAbs(bounds.Extent());
+  Vec3d origin;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (std::fabs(center[axis]) > 4 * extent) origin[axis] = RoundToExtent(center[axis], extent);
+  }
+  return origin;
+}
+
+MeshFrame ChooseFrame(const Bounds3d& bounds) {
+  MeshFrame frame;
+  frame.origin = ChooseOrigin(bounds);
+  const double largest =
+      std::max(MaxAbs(bounds.min - frame.origin), MaxAbs(bounds.max - frame.origin));
+  if (largest > 0) std::frexp(largest, &frame.exponent);
+  return frame;
+}
+
+bool IsFloat(const Vec3d& p) { return Vec3d(Vec3f(p)) == p; }
+
+template <class T>
+std::vector<Vec3<T>> LocalVertices(const MeshData& data, const std::vector<bool>& used,
+                                   const MeshFrame& frame) {
+  std::vector<Vec3<T>> local(data.vertices.size());
+  for (std::size_t i = 0; i < local.size(); ++i) {
+    if (used[i]) local[i] = Vec3<T>(frame.ToLocal(data.vertices[i]));
+  }
+  return local;
+}
+
+template <class T>
+std::vector<bool> FindDegenerate(std::span<const Vec3<T>> vertices,
+                                 std::span<const TriangleIndices> triangles) {
+  std::vector<bool> degenerate(triangles.size());
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    const auto [a, b, c] = triangles[i];
+    degenerate[i] = AreCollinear(Vec3d(vertices[a]), Vec3d(vertices[b]), Vec3d(vertices[c]));
+  }
+  return degenerate;
+}
+
+std::size_t CountTrue(const std::vector<bool>& flags) {
+  return static_cast<std::size_t>(std::count(flags.begin(), flags.end(), true));
+}
+
+}  // namespace
+
+std::string_view Name(MeshFormat format) {
+  switch (format) {
+    case MeshFormat::kObj:
+      return "obj";
+    case MeshFormat::kPly:
+      return "ply";
+    case MeshFormat::kStl:
+      return "stl";
+    case MeshFormat::kOff:
+      return "off";
+  }
+  return "unknown";
+}
+
+Result<TriangleMesh> TriangleMesh::Create(const MeshData& data) {
+  if (data.triangles.empty()) return Error{ErrorCode::kEmptyMesh, "the mesh has no triangle"};
+  if (data.triangles.size() > kMaxTriangles) {
+    return Error{ErrorCode::kMeshTooLarge, "the mesh has " + std::to_string(data.triangles.size()) +
+                                               " triangles; at most " +
+                                               std::to_string(kMaxTriangles) + " are allowed"};
+  }
+  if (data.vertices.size() > kMaxVertices) {
+    return Error{ErrorCode::kMeshTooLarge, "the mesh has " + std::to_string(data.vertices.size()) +
+                                               " vertices; at most " +
+                                               std::to_string(kMaxVertices) + " are allowed"};
+  }
+  const std::vector<bool> used = FindUsed(data);
+  if (std::optional<Error> error = CheckCoordinates(data, used)) return *std::move(error);
+
+  TriangleMesh mesh;
+  mesh.format_ = data.format;
+  mesh.vertex_count_ = data.vertices.size();
+  mesh.bounds_ = Bounds3d::Empty();
+  ForEachUsed(data, used, [&](const Vec3d& p) { mesh.bounds_.Extend(p); });
+  mesh.frame_ = ChooseFrame(mesh.bounds_);
+
+  bool all_floats = true;
+  ForEachUsed(data, used,
+              [&](const Vec3d& p) { all_floats = all_floats && IsFloat(mesh.frame_.ToLocal(p)); });
+  if (all_floats) {
+    mesh.vertices_ = LocalVertices<float>(data, used, mesh.frame_);
+  } else {
+    mesh.vertices_ = LocalVertices<double>(data, used, mesh.frame_);
+  }
+  mesh.triangles_ = data.triangles;
+  mesh.degenerate_ =
+      mesh.VisitVertices([&](auto vertices) { return FindDegenerate(vertices, mesh.triangles()); });
+  mesh.degenerate_count_ = CountTrue(mesh.degenerate_);
+  return mesh;
+}
+
+TriangleMesh TriangleMesh::FromParts(Parts parts) {
+  assert(parts.degenerate.size() == parts.triangles.size());
+  TriangleMesh mesh;
+  mesh.format_ = parts.format;
+  mesh.frame_ = parts.frame;
+  mesh.bounds_ = parts.bounds;
+  mesh.vertices_ = std::move(parts.vertices);
+  mesh.vertex_count_ = mesh.VisitVertices([](auto vertices) { return vertices.size(); });
+  mesh.triangles_ = std::move(parts.triangles);
+  mesh.degenerate_ = std::move(parts.degenerate);
+  mesh.degenerate_count_ = CountTrue(mesh.degenerate_);
+  return mesh;
+}
+
+std::size_t TriangleMesh::bytes() const {
+  return VisitVertices([](auto vertices) { return vertices.size_bytes(); }) +
+         triangles_.size() * sizeof(TriangleIndices) + (degenerate_.size() + 7) / 8;
+}
+
+}  // namespace kdray::core
