@@ -72,23 +72,45 @@ std::array<Corner, 8> CornersAround(const Bounds3d& bounds, const Vec3d& middle,
   return corners;
 }
 
-// One axis of the image of a perspective camera at distance d before the middle, shifted sideways
-// by s: a corner is inside when |p - s| <= slope * (d - nearness). The least d that lets all in,
-// and its s.
+// One axis of the image of a perspective camera that stands `distance` before the middle and is
+// moved sideways by `shift`: a corner is inside when |p - shift| <= slope * (distance - nearness).
 struct AxisFit {
   double distance, shift;
 };
 
-AxisFit FitAxis(const std::array<Corner, 8>& corners, double Corner::*position, double slope,
-                bool may_shift) {
+// The least distance that lets all corners in, and its shift.
+AxisFit FitAxis(const std::array<Corner, 8>& corners, double Corner::*position, double slope) {
   double high = -std::numeric_limits<double>::infinity();
   double low = std::numeric_limits<double>::infinity();
   for (const Corner& corner : corners) {
     high = std::max(high, corner.*position + slope * corner.nearness);
     low = std::min(low, corner.*position - slope * corner.nearness);
   }
-  if (may_shift) return {(high - low) / (2 * slope), (high + low) / 2};
-  return {std::max(high, -low) / slope, 0};
+  return {(high - low) / (2 * slope), (high + low) / 2};
+}
+
+// The same without a shift.
+double FitAxisUnshifted(const std::array<Corner, 8>& corners, double Corner::*position,
+                        double slope) {
+  double distance = -std::numeric_limits<double>::infinity();
+  for (const Corner& corner : corners) {
+    distance = std::max(distance, std::abs(corner.*position) / slope + corner.nearness);
+  }
+  return distance;
+}
+
+// The shift that puts the corners into the middle of this axis when the other axis, or the eye's
+// own room, asks for a greater distance than `slope` does: that of the slope which would just let
+// them in from there.
+double CenterAxis(const std::array<Corner, 8>& corners, double Corner::*position, double slope,
+                  double distance) {
+  double too_narrow = 0;
+  double wide_enough = slope;
+  for (int i = 0; i < 60; ++i) {
+    const double middle = (too_narrow + wide_enough) / 2;
+    (FitAxis(corners, position, middle).distance > distance ? too_narrow : wide_enough) = middle;
+  }
+  return FitAxis(corners, position, wide_enough).shift;
 }
 
 // Step 1: what the caller's numbers may be.
@@ -142,17 +164,26 @@ void PlacePerspective(const CameraSpec& spec, const Bounds3d& bounds, Camera* ca
   }
   const Vec3d middle = spec.target.value_or(bounds.Center());
   const auto corners = CornersAround(bounds, middle, *camera);
-  const bool may_shift = !spec.target;
-  const AxisFit across = FitAxis(corners, &Corner::x, camera->half_width * kFramedShare, may_shift);
-  const AxisFit along = FitAxis(corners, &Corner::y, camera->half_height * kFramedShare, may_shift);
   double nearest = -std::numeric_limits<double>::infinity();
   for (const Corner& corner : corners) nearest = std::max(nearest, corner.nearness);
   // A box without height and width in the image would otherwise touch the eye.
   const double size = SizeOf(bounds);
   const double clear =
       MaxAbs(bounds.Extent()) > 0 ? nearest + size * 0x1p-10 : std::max(nearest, 0.0) + size;
-  const double distance = std::max({across.distance, along.distance, clear});
-  camera->target = middle + camera->right * across.shift + camera->upward * along.shift;
+
+  const double slope_x = camera->half_width * kFramedShare;
+  const double slope_y = camera->half_height * kFramedShare;
+  double distance = clear;
+  if (spec.target) {
+    distance = std::max({clear, FitAxisUnshifted(corners, &Corner::x, slope_x),
+                         FitAxisUnshifted(corners, &Corner::y, slope_y)});
+    camera->target = middle;
+  } else {
+    distance = std::max({clear, FitAxis(corners, &Corner::x, slope_x).distance,
+                         FitAxis(corners, &Corner::y, slope_y).distance});
+    camera->target = middle + camera->right * CenterAxis(corners, &Corner::x, slope_x, distance) +
+                     camera->upward * CenterAxis(corners, &Corner::y, slope_y, distance);
+  }
   camera->eye = camera->target - camera->forward * distance;
 }
 

@@ -12,9 +12,12 @@ namespace kdray::core {
 /// The caller's wishes, world units. What is left out is chosen by ResolveCamera.
 struct CameraSpec {
   Projection projection = Projection::kPerspective;
-  std::optional<Vec3d> eye, target, up;
-  std::optional<double> fov_deg;      ///< vertical, in (0, 180); perspective only; default 40
-  std::optional<double> view_height;  ///< > 0, world units; orthographic only
+  std::optional<Vec3d> eye = std::nullopt;
+  std::optional<Vec3d> target = std::nullopt;
+  std::optional<Vec3d> up = std::nullopt;
+  std::optional<double> fov_deg =
+      std::nullopt;  ///< vertical, in (0, 180); perspective only; default 40
+  std::optional<double> view_height = std::nullopt;  ///< > 0, world units; orthographic only
 };
 
 inline constexpr double kDefaultFovDeg = 40;

@@ -39,17 +39,19 @@ struct RenderSpec {
   static constexpr std::size_t kMaxCells = 16384;
 
   int width = 640, height = 480;  ///< pixels, each 1..kMaxSide
-  CameraSpec camera;
+  CameraSpec camera = {};
   RenderMode mode = RenderMode::kShaded;
   int samples = 1;  ///< per pixel, 1..kMaxSamples; 1 is the pixel's centre. kDepth and kTriangle
                     ///< take one whatever this says
   Precision precision = Precision::kWatertight;
-  Rgb color = {0.86f, 0.83f, 0.79f};         ///< of the mesh, sRGB, each 0..1
-  std::optional<Background> background;      ///< left out: white for kShaded, else black
-  std::optional<std::uint32_t> cells_depth;  ///< draw the tree's nodes at this depth and the leaves
-                                             ///< above it as lines; at most kMaxCells of them
-  std::optional<Region> region;              ///< part of the image to render; left out: all of it
-  std::uint64_t seed = 0;                    ///< of the sample positions
+  Rgb color = {0.86f, 0.83f, 0.79f};                    ///< of the mesh, sRGB, each 0..1
+  std::optional<Background> background = std::nullopt;  ///< left out: white for kShaded, else black
+  std::optional<std::uint32_t> cells_depth =
+      std::nullopt;  ///< draw the tree's nodes at this depth and the leaves
+                     ///< above it as lines; at most kMaxCells of them
+  std::optional<Region> region =
+      std::nullopt;        ///< part of the image to render; left out: all of it
+  std::uint64_t seed = 0;  ///< of the sample positions
 };
 
 /// What was rendered. All films cover the same region.
