@@ -1,0 +1,41 @@
+// PNG files as tests see them, decoded by a library that the project does not write with, and
+// golden pictures.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace kdray::test {
+
+/// Row-major, top row first; 3 channels (RGB) or 4 (RGBA, not premultiplied).
+struct Image {
+  int width = 0, height = 0, channels = 3;
+  std::vector<std::uint8_t> pixels;
+  friend bool operator==(const Image&, const Image&) = default;
+};
+
+/// Throws std::runtime_error when the bytes are no PNG.
+Image DecodePng(std::span<const std::byte> png);
+
+/// How far a picture may be from its golden one. Codes are those of 8 bits. Machines differ in the
+/// last bits of their mathematical functions, which moves a code by one and now and then a sample
+/// from one side of an edge to the other.
+struct GoldenTolerance {
+  int code = 2;                ///< pixels whose channels differ by no more than this count as equal
+  double pixel_share = 0.001;  ///< of all pixels may differ by more
+};
+
+/// Success when `png` shows tests/golden/<name>.png within the tolerance. Otherwise the failure
+/// names three files: the golden one, and <name>.actual.png and <name>.difference.png (each
+/// channel's difference, eight times) in the folder `golden` of the build. With KDRAY_UPDATE_GOLDEN
+/// set to 1, writes the golden file instead.
+testing::AssertionResult MatchesGolden(std::string_view name, std::span<const std::byte> png,
+                                       const GoldenTolerance& tolerance = {});
+
+}  // namespace kdray::test
