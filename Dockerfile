@@ -11,8 +11,8 @@ COPY . .
 RUN cmake/build.sh release kdrayd kdray && strip build/release/bin/kdrayd build/release/bin/kdray
 
 FROM debian:bookworm-slim
-RUN --mount=type=bind,from=build,source=/src/server,target=/src/server \
-    /src/server/dependencies.sh run && rm -rf /var/lib/apt/lists/*
+COPY server/dependencies.sh /tmp/
+RUN /tmp/dependencies.sh run && rm -rf /var/lib/apt/lists/* /tmp/dependencies.sh
 RUN useradd --system --uid 8080 --user-group --no-create-home --shell /usr/sbin/nologin kdray \
     && install -d -o kdray -g kdray -m 700 /var/lib/kdray
 COPY --from=build /src/build/release/bin/kdrayd /src/build/release/bin/kdray /usr/local/bin/
