@@ -3,18 +3,52 @@
 #   server/dependencies.sh GROUP...          install what is missing; silent and offline when nothing is
 #   server/dependencies.sh --list GROUP...   print the names, one a line
 # Groups: build (compile the daemon and the command), test (build and run the tests as well), run (start the
-# compiled programs: the second stage of the Dockerfile), lint (clang-format and clang-tidy).
+# compiled programs: the second stage of the Dockerfile), lint (tests/lint).
 set -euo pipefail
 
 packages_of() {
   case $1 in
-    build) echo build-essential cmake ninja-build pkg-config python3 python3-yaml \
-      libcli11-dev libcpp-httplib-dev libdeflate-dev libssl-dev libstb-dev libtbb-dev nlohmann-json3-dev ;;
-    test) echo chromium chromium-driver curl libembree-dev libgmock-dev libgmp-dev libgtest-dev libpng-dev \
-      python3-numpy ;;
-    run) echo libcpp-httplib0.11 libdeflate0 libssl3 libtbb12 ;;
-    lint) echo clang-format clang-tidy ;;
-    *) echo "server/dependencies.sh: no group '$1'; there are build, test, run and lint" >&2; return 2 ;;
+    build) cat <<'END' ;;
+build-essential
+cmake
+libcli11-dev
+libcpp-httplib-dev
+libdeflate-dev
+libssl-dev
+libstb-dev
+libtbb-dev
+ninja-build
+nlohmann-json3-dev
+pkg-config
+python3
+python3-yaml
+END
+    test) cat <<'END' ;;
+chromium
+chromium-driver
+curl
+libembree-dev
+libgmock-dev
+libgmp-dev
+libgtest-dev
+libpng-dev
+python3-numpy
+END
+    run) cat <<'END' ;;
+libcpp-httplib0.11
+libdeflate0
+libssl3
+libtbb12
+END
+    lint) cat <<'END' ;;
+clang-format
+clang-tidy
+shellcheck
+END
+    *)
+      echo "server/dependencies.sh: no group '$1'; there are build, test, run and lint" >&2
+      return 2
+      ;;
   esac
 }
 
@@ -23,8 +57,8 @@ list_only=false
 [[ $# -ge 1 ]] || { sed -n '2,6s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 wanted=()
 for group in "$@"; do
-  names=$(packages_of "$group")
-  read -ra names <<<"$names"
+  names=$(packages_of "$group") || exit
+  mapfile -t names <<<"$names"
   wanted+=("${names[@]}")
 done
 if $list_only; then
