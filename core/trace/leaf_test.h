@@ -149,7 +149,7 @@ bool WatertightTest<T>::Test(const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& 
     const bool any_positive = sa > 0 || sb > 0 || sc > 0;
     if (any_negative == any_positive)
       return false;  // outside, or all 0: the triangle is seen edge-on
-  } else if (!(wa == wa && wb == wb && wc == wc)) {
+  } else if (std::isnan(wa) || std::isnan(wb) || std::isnan(wc)) {
     return false;
   }
 

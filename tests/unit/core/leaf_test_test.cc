@@ -126,7 +126,8 @@ TYPED_TEST(LeafTest, AcceptsNoTriangleThatThePadDoesNotReach) {
     LeafHit hit;
     if (!ray || !Hits<TypeParam>(*ray, t, &hit)) continue;
     ++accepted;
-    ASSERT_LE(Gap(*ray, t, hit), static_cast<long double>(TypeParam::kPad) * 3 / 4) << "triangle " << i;
+    ASSERT_LE(Gap(*ray, t, hit), static_cast<long double>(TypeParam::kPad) * 3 / 4)
+        << "triangle " << i;
   }
   EXPECT_GT(accepted, 10'000);
 }
