@@ -1,0 +1,58 @@
+// Triangles on their way into a tree.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "core/base/parallel.h"
+#include "core/geometry/bounds3.h"
+#include "core/geometry/hit.h"
+#include "core/geometry/triangle_mesh.h"
+
+namespace kdray::core {
+
+/// A triangle in a node.
+struct Reference {
+  Bounds3f bounds;  ///< contains the triangle, or the part of it in the node's (closed) cell
+  PrimitiveId id = kNoPrimitive;
+  friend bool operator==(const Reference&, const Reference&) = default;
+};
+
+/// References of all triangles that are not degenerate, by ascending id; local coordinates, rounded
+/// outward.
+std::vector<Reference> MakeReferences(const TriangleMesh& mesh);
+
+/// The union of their bounds. Large spans are searched in parallel.
+Bounds3f UnionBounds(std::span<const Reference> references);
+
+/// Work on many references is cut into pieces of this size, whatever the number of threads.
+inline constexpr std::size_t kReferenceChunk = 8192;
+
+inline std::size_t ReferenceChunks(std::size_t references) {
+  return (references + kReferenceChunk - 1) / kReferenceChunk;
+}
+
+/// f(chunk, number) for each of the ReferenceChunks(), possibly at the same time.
+template <class F>
+void ForEachReferenceChunk(std::span<const Reference> references, const F& f) {
+  ParallelFor(0, ReferenceChunks(references.size()), 1, [&](std::size_t number, std::size_t) {
+    const std::size_t first = number * kReferenceChunk;
+    f(references.subspan(first, std::min(kReferenceChunk, references.size() - first)), number);
+  });
+}
+
+/// The sum of reduce(chunk) over all chunks, added up in order with T::Add.
+template <class T, class Reduce>
+T ReduceReferences(std::span<const Reference> references, const Reduce& reduce) {
+  if (references.size() <= kReferenceChunk) return reduce(references);
+  std::vector<T> parts(ReferenceChunks(references.size()));
+  ForEachReferenceChunk(references,
+                        [&](auto chunk, std::size_t number) { parts[number] = reduce(chunk); });
+  T total = parts.front();
+  for (std::size_t i = 1; i < parts.size(); ++i) total.Add(parts[i]);
+  return total;
+}
+
+}  // namespace kdray::core
