@@ -1,0 +1,53 @@
+// A kd-tree in the making: subtrees built apart from each other, and how they become one.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/geometry/bounds3.h"
+#include "core/geometry/hit.h"
+#include "core/kdtree/kd_node.h"
+#include "core/kdtree/kd_tree.h"
+#include "core/kdtree/split.h"
+
+namespace kdray::core {
+
+/// A subtree in the layout of KdTree, with positions that count from its own beginning.
+struct KdPiece {
+  std::vector<KdNode> nodes;
+  std::vector<PrimitiveId> primitives;
+
+  void Clear() {
+    nodes.clear();
+    primitives.clear();
+  }
+  /// Interior nodes are written before their children, so the above child is filled in later.
+  std::size_t BeginInterior() {
+    nodes.emplace_back();
+    return nodes.size() - 1;
+  }
+  /// To be called between the children: the next node is the above child.
+  void EndBelow(std::size_t interior, const SplitPlane& plane) {
+    nodes[interior] =
+        KdNode::Interior(plane.axis, plane.position, static_cast<std::uint32_t>(nodes.size()));
+  }
+  /// The next `count` primitives that are pushed make a leaf.
+  void BeginLeaf(std::size_t count) {
+    nodes.push_back(KdNode::Leaf(static_cast<std::uint32_t>(primitives.size()),
+                                 static_cast<std::uint32_t>(count)));
+  }
+};
+
+/// The upper part of a tree, whose nodes are built in parallel: a cut with two halves, or a piece.
+struct KdUpperNode {
+  SplitPlane plane;
+  std::unique_ptr<KdUpperNode> below, above;  ///< both or none
+  KdPiece piece;                              ///< when there are none
+};
+
+/// Puts the pieces together, depth first, into tree->nodes and tree->primitives, and frees each.
+void Assemble(KdUpperNode* root, KdTree* tree);
+
+}  // namespace kdray::core

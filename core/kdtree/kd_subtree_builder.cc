@@ -1,0 +1,86 @@
+#include "core/kdtree/kd_subtree_builder.h"
+
+#include <algorithm>
+
+#include "core/kdtree/binned_split.h"
+
+namespace kdray::core {
+
+namespace {
+
+// Nodes below this size do not ask whether the build was cancelled.
+constexpr std::size_t kPollReferences = 4096;
+
+}  // namespace
+
+KdPiece KdSubtreeBuilder::Build(std::span<const Reference> references, const KdBuildTask& task) {
+  piece_.Clear();
+  stack_size_ = 0;
+  std::copy(references.begin(), references.end(), Push(references.size()));
+  BuildNode(references.size(), task);
+  return {{piece_.nodes.begin(), piece_.nodes.end()},
+          {piece_.primitives.begin(), piece_.primitives.end()}};
+}
+
+std::optional<SplitCandidate> KdSubtreeBuilder::FindSplit(std::span<const Reference> references,
+                                                          const KdBuildTask& task) {
+  if (task.depth >= context_.max_depth) return std::nullopt;
+  switch (context_.rule) {
+    case KdSplitRule::kSah:
+    case KdSplitRule::kBinned:
+      return FindBinnedSplit(references, task.cell, context_.cost);
+    case KdSplitRule::kCyclic:
+      return note_.FindCyclic(references, task.cell, task.depth);
+    case KdSplitRule::kMedian:
+      if (references.size() <= KdBuildLimits::kMedianLeaf) return std::nullopt;
+      return note_.FindMedian(references, task.cell, task.depth);
+  }
+  return std::nullopt;
+}
+
+void KdSubtreeBuilder::BuildNode(std::size_t count, const KdBuildTask& task) {
+  const std::size_t begin = stack_size_ - count;
+  const auto references = [&] { return std::span<const Reference>(stack_).subspan(begin, count); };
+
+  const bool stop = count >= kPollReferences && context_.monitor.ShouldStop();
+  const std::optional<SplitCandidate> split = stop ? std::nullopt : FindSplit(references(), task);
+  if (!split || !task.budget.Allows(split->below, split->above)) {
+    EmitLeaf(references(), task);
+    stack_size_ = begin;
+    return;
+  }
+
+  // The below child comes first in memory, so it goes on top. The parent's references are not
+  // needed any more; the children's move down into their place.
+  Reference* children = Push(split->above + split->below);
+  const SideCounts counts =
+      Distribute(context_.mesh, references(), task.cell, *split, children + split->above, children);
+  Reference* place = stack_.data() + begin;
+  std::copy_n(children, counts.above, place);
+  std::copy_n(children + split->above, counts.below, place + counts.above);
+  stack_size_ = begin + counts.above + counts.below;
+
+  const auto [below, above] = task.Divide(split->plane, counts.below, counts.above);
+  const std::size_t interior = piece_.BeginInterior();
+  BuildNode(counts.below, below);
+  piece_.EndBelow(interior, split->plane);
+  BuildNode(counts.above, above);
+}
+
+// Here a node's clipped bounds are at hand: the union of these for a leaf, of its children's for an
+// interior node. A structure that wants them collects them in this place.
+void KdSubtreeBuilder::EmitLeaf(std::span<const Reference> references, const KdBuildTask& task) {
+  piece_.BeginLeaf(references.size());
+  for (const Reference& reference : references) piece_.primitives.push_back(reference.id);
+  context_.monitor.AddDone(task.share);
+}
+
+Reference* KdSubtreeBuilder::Push(std::size_t count) {
+  if (stack_.size() < stack_size_ + count) {
+    stack_.resize(std::max(stack_size_ + count, stack_.size() * 2));
+  }
+  stack_size_ += count;
+  return stack_.data() + (stack_size_ - count);
+}
+
+}  // namespace kdray::core

@@ -1,0 +1,94 @@
+#include "core/kdtree/kd_tree_builder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "core/base/parallel.h"
+#include "core/kdtree/kd_build_task.h"
+#include "core/kdtree/kd_piece.h"
+#include "core/kdtree/kd_subtree_builder.h"
+#include "core/kdtree/partition.h"
+#include "core/tree/build_monitor.h"
+
+namespace kdray::core {
+
+namespace {
+
+// A node with fewer references is built by one thread. The tree must not depend on this number
+// beyond the budget's rule for the top, nor on the number of threads at all.
+constexpr std::size_t kTopReferences = 16384;
+
+class KdTreeBuilder {
+ public:
+  KdTreeBuilder(const TriangleMesh& mesh, KdSplitRule rule, const SahCost& cost,
+                const BuildOptions& options)
+      : monitor_(options), context_{mesh, rule, cost, 0, monitor_} {}
+
+  Result<KdTree> Build() {
+    std::vector<Reference> references = MakeReferences(context_.mesh);
+    const std::size_t triangles = references.size();
+    context_.max_depth = KdBuildLimits::MaxDepth(triangles);
+
+    KdTree tree;
+    tree.bounds = UnionBounds(references);
+    // Node positions have 30 bits.
+    const std::uint64_t weight = std::min<std::uint64_t>(
+        KdBuildLimits::kWeightPerTriangle * triangles, KdNode::kMaxIndex / 2);
+    KdUpperNode root;
+    BuildTop(std::move(references), {tree.bounds, 0, WeightBudget(weight), 1.0}, &root);
+
+    const Status status = monitor_.Finish();
+    if (!status.ok()) return status.error();
+    Assemble(&root, &tree);
+    return tree;
+  }
+
+ private:
+  void BuildTop(std::vector<Reference> references, const KdBuildTask& task, KdUpperNode* node) {
+    KdSubtreeBuilder serial(context_);
+    if (references.size() <= kTopReferences) {
+      node->piece = serial.Build(references, task);
+      return;
+    }
+    std::optional<SplitCandidate> split;
+    if (!monitor_.ShouldStop()) split = serial.FindSplit(references, task);
+    if (!split || !task.budget.AllowsAtTop(split->below, split->above)) {
+      node->piece.BeginLeaf(references.size());
+      for (const Reference& reference : references) {
+        node->piece.primitives.push_back(reference.id);
+      }
+      monitor_.AddDone(task.share);
+      return;
+    }
+    std::vector<Reference> below, above;
+    DistributeInParallel(context_.mesh, references, task.cell, *split, &below, &above);
+    std::vector<Reference>().swap(references);
+
+    const auto [below_task, above_task] = task.Divide(split->plane, below.size(), above.size());
+    node->plane = split->plane;
+    node->below = std::make_unique<KdUpperNode>();
+    node->above = std::make_unique<KdUpperNode>();
+    ParallelInvoke([&, t = below_task] { BuildTop(std::move(below), t, node->below.get()); },
+                   [&, t = above_task] { BuildTop(std::move(above), t, node->above.get()); });
+  }
+
+  BuildMonitor monitor_;
+  KdBuildContext context_;
+};
+
+}  // namespace
+
+int KdBuildLimits::MaxDepth(std::size_t triangles) {
+  const double log = std::log2(static_cast<double>(std::max<std::size_t>(triangles, 1)));
+  return std::min(KdTree::kMaxDepth, static_cast<int>(8 + 1.6 * log));
+}
+
+Result<KdTree> BuildKdTree(const TriangleMesh& mesh, KdSplitRule rule, const SahCost& cost,
+                           const BuildOptions& options) {
+  return KdTreeBuilder(mesh, rule, cost, options).Build();
+}
+
+}  // namespace kdray::core

@@ -1,0 +1,15 @@
+// Statistics of a kd-tree.
+#pragma once
+
+#include "core/kdtree/kd_tree.h"
+#include "core/tree/sah_cost.h"
+#include "core/tree/tree_stats.h"
+
+namespace kdray::core {
+
+/// Counts and the expected cost of a random ray, from one walk over the finished tree: each
+/// interior node costs a traversal step, each leaf its triangles, weighed by the probability that a
+/// ray through the tree's bounds meets its cell. O(nodes).
+TreeStats ComputeStats(const KdTree& tree, const SahCost& cost);
+
+}  // namespace kdray::core

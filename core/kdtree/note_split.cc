@@ -1,0 +1,81 @@
+#include "core/kdtree/note_split.h"
+
+#include <algorithm>
+
+namespace kdray::core {
+
+void NoteSplitFinder::CollectCentroids(std::span<const Reference> references, int axis) {
+  centroids_.clear();
+  for (const Reference& reference : references) {
+    const double sum = mesh_.LocalCorner(reference.id, 0)[axis] +
+                       mesh_.LocalCorner(reference.id, 1)[axis] +
+                       mesh_.LocalCorner(reference.id, 2)[axis];
+    centroids_.push_back(static_cast<float>(sum / 3));
+  }
+}
+
+std::optional<SplitCandidate> NoteSplitFinder::FindMedian(std::span<const Reference> references,
+                                                          const Bounds3f& cell, int depth) {
+  if (references.empty()) return std::nullopt;
+  for (int turn = 0; turn < 3; ++turn) {
+    const int axis = (depth + turn) % 3;
+    CollectCentroids(references, axis);
+    const auto middle = centroids_.begin() + static_cast<std::ptrdiff_t>(centroids_.size() / 2);
+    std::nth_element(centroids_.begin(), middle, centroids_.end());
+    float median = *middle;
+    if (centroids_.size() % 2 == 0) {
+      const float before = *std::max_element(centroids_.begin(), middle);
+      median = before * 0.5f + median * 0.5f;
+    }
+
+    SplitCandidate split;
+    split.plane = {axis, median};
+    if (!split.plane.IsInside(cell)) continue;
+    const SideCounts counts = CountSides(references, split);
+    split.below = counts.below;
+    split.above = counts.above;
+    if (split.below < references.size() && split.above < references.size()) return split;
+  }
+  return std::nullopt;
+}
+
+std::optional<SplitCandidate> NoteSplitFinder::FindCyclic(std::span<const Reference> references,
+                                                          const Bounds3f& cell, int depth) {
+  for (int turn = 0; turn < 3; ++turn) {
+    const int axis = (depth + turn) % 3;
+    CollectCentroids(references, axis);
+    lows_.clear();
+    highs_.clear();
+    planars_.clear();
+    for (const Reference& reference : references) {
+      const float low = reference.bounds.min[axis];
+      const float high = reference.bounds.max[axis];
+      lows_.push_back(low);
+      highs_.push_back(high);
+      if (low == high) planars_.push_back(low);
+    }
+    for (std::vector<float>* v : {&centroids_, &lows_, &highs_, &planars_}) {
+      std::sort(v->begin(), v->end());
+    }
+
+    SplitSearch search(cost_, cell, references.size());
+    SplitSearch::Axis candidates(&search, axis);
+    std::size_t below = 0;       // lower end < plane
+    std::size_t ended = 0;       // upper end <= plane
+    std::size_t planar_end = 0;  // planar ones at or below the plane
+    for (std::size_t i = 0; i < centroids_.size(); ++i) {
+      const float plane = centroids_[i];
+      if (i > 0 && plane == centroids_[i - 1]) continue;
+      while (below < lows_.size() && lows_[below] < plane) ++below;
+      while (ended < highs_.size() && highs_[ended] <= plane) ++ended;
+      while (planar_end < planars_.size() && planars_[planar_end] < plane) ++planar_end;
+      const std::size_t planar_begin = planar_end;
+      while (planar_end < planars_.size() && planars_[planar_end] == plane) ++planar_end;
+      candidates.Consider(plane, below, planar_end - planar_begin, references.size() - ended);
+    }
+    if (search.best()) return search.best();
+  }
+  return std::nullopt;
+}
+
+}  // namespace kdray::core

@@ -1,0 +1,56 @@
+// Hands a kd-tree node's triangles to its children.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "core/geometry/bounds3.h"
+#include "core/geometry/triangle_mesh.h"
+#include "core/kdtree/split.h"
+#include "core/tree/reference.h"
+
+namespace kdray::core {
+
+enum class Side : unsigned char { kBelow = 1, kAbove = 2, kBoth = 3 };
+
+/// Where a reference goes at a cut. A triangle that ends in the plane needs no reference on the
+/// other side: the rays that meet it there touch the plane and visit both.
+inline Side SideOf(const Reference& reference, const SplitCandidate& split) {
+  const float low = reference.bounds.min[split.plane.axis];
+  const float high = reference.bounds.max[split.plane.axis];
+  const float position = split.plane.position;
+  if (low < position) return high > position ? Side::kBoth : Side::kBelow;
+  if (high > position) return Side::kAbove;
+  return split.planar_below ? Side::kBelow : Side::kAbove;
+}
+
+/// The two parts of a reference that a cut goes through, each clipped to its child's cell; a part
+/// without a point has empty bounds.
+struct ReferenceParts {
+  Bounds3f below, above;
+};
+ReferenceParts CutReference(const TriangleMesh& mesh, const Reference& reference,
+                            const Bounds3f& cell, const SplitPlane& plane);
+
+struct SideCounts {
+  std::size_t below = 0;
+  std::size_t above = 0;
+};
+
+/// How many references the children can get at most: a part may turn out empty when it is clipped.
+SideCounts CountSides(std::span<const Reference> references, const SplitCandidate& split);
+
+/// Hands the references of `cell` to its children, in their order, and clips those that the plane
+/// cuts. `below` and `above` have room for what CountSides says and overlap nothing; the result
+/// says how much of them was used.
+SideCounts Distribute(const TriangleMesh& mesh, std::span<const Reference> references,
+                      const Bounds3f& cell, const SplitCandidate& split, Reference* below,
+                      Reference* above);
+
+/// The same for large nodes: in parallel, into vectors of its own.
+void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> references,
+                          const Bounds3f& cell, const SplitCandidate& split,
+                          std::vector<Reference>* below, std::vector<Reference>* above);
+
+}  // namespace kdray::core
