@@ -1,0 +1,16 @@
+#include "core/scene/scene.h"
+
+namespace kdray::core {
+
+Result<std::vector<TreeCell>> Scene::Cells(std::uint32_t depth, std::size_t limit) const {
+  Result<std::vector<TreeCell>> cells = std::visit(
+      [&](const auto& structure) { return structure.Cells(depth, limit); }, tree->structure);
+  if (!cells.ok()) return cells;
+  for (TreeCell& cell : *cells) {
+    cell.bounds.min = mesh->frame().ToWorld(cell.bounds.min);
+    cell.bounds.max = mesh->frame().ToWorld(cell.bounds.max);
+  }
+  return cells;
+}
+
+}  // namespace kdray::core
