@@ -1,0 +1,17 @@
+// Checks of finished trees against the mesh, by walking them in the plainest way.
+#pragma once
+
+#include "core/box/box_list.h"
+#include "core/bvh/bvh.h"
+#include "core/geometry/triangle_mesh.h"
+#include "core/kdtree/kd_tree.h"
+
+namespace kdray::test {
+
+/// Expects, for corners, edge midpoints and random points of every triangle that is not degenerate,
+/// a leaf that refers to the triangle and whose closed cell contains the point.
+void CheckReachability(const core::KdTree& tree, const core::TriangleMesh& mesh);
+void CheckReachability(const core::Bvh& tree, const core::TriangleMesh& mesh);
+void CheckReachability(const core::BoxList& tree, const core::TriangleMesh& mesh);
+
+}  // namespace kdray::test
