@@ -1,0 +1,20 @@
+// The two forms of the answer of rays/closest.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "api/types.h"
+
+namespace kdray::api {
+
+/// `numbers` is the type of t, u, v, normal and point: in JSON their text is the shortest that
+/// reads back as that type. A finite number beyond float's range becomes float's largest, so that a
+/// hit never looks like a miss.
+std::string ClosestAsJson(const ClosestAnswer& answer, const std::vector<RayField>& fields,
+                          NumberType numbers);
+std::string ClosestAsNpy(const ClosestAnswer& answer, const std::vector<RayField>& fields,
+                         NumberType numbers, const std::vector<std::size_t>& leading_shape);
+
+}  // namespace kdray::api

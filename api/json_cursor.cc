@@ -1,0 +1,61 @@
+#include "api/json_cursor.h"
+
+#include <algorithm>
+
+#include "api/quoted.h"
+
+namespace kdray::api {
+
+Problem JsonProblem(ErrorCode code, std::string_view text, const char* seen, std::string detail,
+                    std::optional<std::string> pointer) {
+  const char* last = seen == text.data() ? seen : seen - 1;
+  Problem problem{code, std::move(detail), std::move(pointer)};
+  problem.line = 1 + static_cast<std::uint64_t>(std::count(text.data(), last, '\n'));
+  return problem;
+}
+
+Problem NotJson(std::string_view text, const char* seen, std::string_view parser_message) {
+  if (text.empty()) {
+    return Problem{ErrorCode::kInvalidJson, "the body is empty; JSON was expected"};
+  }
+  // "[json.exception.parse_error.101] parse error at line 1, column 3: syntax error while parsing
+  // …"
+  const std::size_t tag = parser_message.find("] ");
+  if (tag != std::string_view::npos) parser_message.remove_prefix(tag + 2);
+  // The part "last read: '…'" holds as much of the body as its longest token.
+  const std::size_t echo = parser_message.find("; last read: '");
+  const std::size_t expected = parser_message.rfind("'; expected ");
+  std::string detail(parser_message.substr(0, echo));
+  if (echo != std::string_view::npos) {
+    const std::size_t from = echo + std::string_view("; last read: '").size();
+    std::string_view read = parser_message.substr(from);
+    if (expected != std::string_view::npos && expected >= from) {
+      read = read.substr(0, expected - from);
+      detail += parser_message.substr(expected + 1);
+    } else if (read.ends_with('\'')) {
+      read.remove_suffix(1);
+    }
+    detail += "; last read: " + Quoted(read);
+  }
+  return JsonProblem(ErrorCode::kInvalidJson, text, seen, "the body is not JSON: " + detail,
+                     std::nullopt);
+}
+
+std::string PointerStep(std::string_view key) {
+  constexpr std::size_t kMost = 60;
+  std::string step = "/";
+  for (const char c : key.substr(0, kMost)) {
+    if (c == '~') {
+      step += "~0";
+    } else if (c == '/') {
+      step += "~1";
+    } else {
+      step += c;
+    }
+  }
+  return step;
+}
+
+std::string PointerStep(std::size_t index) { return PointerStep(std::to_string(index)); }
+
+}  // namespace kdray::api

@@ -1,0 +1,18 @@
+// JSON text written by hand, for answers of millions of numbers.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace kdray::api {
+
+/// The shortest text that reads back as the same number; `null` for one that is not finite.
+void AppendNumber(std::string* out, double value);
+void AppendNumber(std::string* out, float value);
+void AppendInteger(std::string* out, std::int64_t value);
+
+/// `"invalid":[…],"truncated":[]`, the end of every batch answer.
+void AppendRowLists(std::string* out, const std::vector<std::uint64_t>& invalid);
+
+}  // namespace kdray::api

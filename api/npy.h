@@ -1,0 +1,38 @@
+// The .npy format, versions 1.0 to 3.0: a magic string, a header (the text of a Python dictionary),
+// then the bytes of the elements. Source: numpy, "NEP 1 - A Simple File Format for NumPy Arrays",
+// and numpy.lib.format.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "api/types.h"
+
+namespace kdray::api {
+
+/// The first bytes of every .npy file.
+inline constexpr std::string_view kNpyMagic = "\x93NUMPY";
+
+/// An array inside somebody else's bytes.
+struct NpyArray {
+  NumberType type = NumberType::kF4;  ///< little-endian
+  bool fortran_order = false;         ///< the first index varies fastest
+  std::vector<std::size_t> shape;     ///< empty: one number
+  std::string_view data;              ///< exactly the product of `shape` elements; not aligned
+};
+
+/// Reads an array of `<f4` or `<f8`. invalid_array for any other type (the message names the two),
+/// a damaged or unusual header (it is parsed as a dictionary with exactly the keys descr,
+/// fortran_order and shape, nothing is evaluated), more than 33 dimensions, and a size that differs
+/// from the bytes that are there. Allocates nothing but the shape, whatever the header claims.
+Outcome<NpyArray> ReadNpy(std::string_view bytes);
+
+/// Everything before the elements, version 1.0, padded so that they start at a multiple of 64
+/// bytes. `descr` is a Python literal (`'<f4'` with its quotes, or a list for a structured type);
+/// the order is C.
+std::string NpyHeader(std::string_view descr, std::span<const std::size_t> shape);
+
+}  // namespace kdray::api
