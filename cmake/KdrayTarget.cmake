@@ -16,6 +16,7 @@ function(kdray_settings target)
   target_compile_options(${target} PRIVATE
     -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wcast-align -Wunused
     -Wdouble-promotion -Wimplicit-fallthrough -Werror
+    -Wno-restrict  # g++ 12 warns of "text" + std::string itself (GCC bug 105651)
     -ffp-contract=off -fno-math-errno -fstack-protector-strong)
   target_compile_definitions(${target} PRIVATE KDRAY_VERSION="${PROJECT_VERSION}")
   if(KDRAY_SANITIZE)
