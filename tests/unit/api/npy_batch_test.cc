@@ -1,0 +1,148 @@
+#include "api/npy_batch.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "tests/unit/api/npy_bytes.h"
+
+namespace kdray::api {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+template <class T>
+NpyArray Array(std::vector<std::size_t> shape, const std::string& data, bool fortran = false) {
+  return {sizeof(T) == 4 ? NumberType::kF4 : NumberType::kF8, fortran, std::move(shape), data};
+}
+
+template <class T>
+const std::vector<RayRow<T>>& RowsOf(const Outcome<RayTable>& table) {
+  return std::get<std::vector<RayRow<T>>>(table->rows);
+}
+
+TEST(RaysFromNpy, FillsTheIntervalOfRowsOfSix) {
+  const std::string data = Bytes(Counted<float>(12));
+  const Outcome<RayTable> table = RaysFromNpy(Array<float>({2, 6}, data), 0.5, kInfinity, 10);
+  ASSERT_TRUE(table);
+  EXPECT_THAT(table->shape, ElementsAre(2));
+  EXPECT_EQ(table->number_type(), NumberType::kF4);
+  const RayRow<float>& row = RowsOf<float>(table)[1];
+  EXPECT_EQ(row.ox, 6);
+  EXPECT_EQ(row.oy, 7);
+  EXPECT_EQ(row.oz, 8);
+  EXPECT_EQ(row.dx, 9);
+  EXPECT_EQ(row.dy, 10);
+  EXPECT_EQ(row.dz, 11);
+  EXPECT_EQ(row.t_min, 0.5f);
+  EXPECT_EQ(row.t_max, std::numeric_limits<float>::infinity());
+}
+
+TEST(RaysFromNpy, TakesTheIntervalOfRowsOfEightFromTheirColumns) {
+  const std::string data = Bytes(Counted<double>(16));
+  const Outcome<RayTable> table = RaysFromNpy(Array<double>({2, 8}, data), -1, -1, 10);
+  ASSERT_TRUE(table);
+  EXPECT_EQ(table->number_type(), NumberType::kF8);
+  EXPECT_EQ(RowsOf<double>(table)[1].t_min, 14);
+  EXPECT_EQ(RowsOf<double>(table)[1].t_max, 15);
+  EXPECT_EQ(RowsOf<double>(table)[1].dz, 13);
+}
+
+TEST(RaysFromNpy, WidensFloatRowsWhenAFloatWouldMoveTheInterval) {
+  const std::string data = Bytes(Counted<float>(6));
+  const Outcome<RayTable> table = RaysFromNpy(Array<float>({1, 6}, data), 1e-6, 0.999999, 10);
+  ASSERT_TRUE(table);
+  EXPECT_EQ(RowsOf<double>(table)[0].t_min, 1e-6);
+  EXPECT_EQ(RowsOf<double>(table)[0].t_max, 0.999999);
+  EXPECT_EQ(RowsOf<double>(table)[0].dz, 5);
+  EXPECT_EQ(table->number_type(), NumberType::kF4) << "the answer's type is still the request's";
+}
+
+TEST(RaysFromNpy, KeepsFloatRowsOfEightWhateverTheOptionsSay) {
+  const std::string data = Bytes(Counted<float>(8));
+  const Outcome<RayTable> table = RaysFromNpy(Array<float>({1, 8}, data), 1e-6, 0.999999, 10);
+  ASSERT_TRUE(table);
+  EXPECT_EQ(RowsOf<float>(table)[0].t_max, 7);
+}
+
+TEST(RaysFromNpy, TakesASingleRayAndNoRayAtAll) {
+  const std::string data = Bytes(Counted<float>(6));
+  const Outcome<RayTable> single = RaysFromNpy(Array<float>({6}, data), 0, kInfinity, 10);
+  ASSERT_TRUE(single);
+  EXPECT_THAT(single->shape, IsEmpty());
+  EXPECT_EQ(single->size(), 1u);
+  const Outcome<RayTable> none = RaysFromNpy(Array<float>({4, 0, 6}, ""), 0, kInfinity, 10);
+  ASSERT_TRUE(none);
+  EXPECT_THAT(none->shape, ElementsAre(4, 0));
+  EXPECT_EQ(none->size(), 0u);
+}
+
+TEST(RaysFromNpy, NumbersTheRowsOfAFortranArrayInCOrder) {
+  // Element (i, j, c) of shape (2, 3, 6) holds 100 i + 10 j + c.
+  std::vector<double> elements;
+  for (int c = 0; c < 6; ++c) {
+    for (int j = 0; j < 3; ++j) {
+      for (int i = 0; i < 2; ++i) elements.push_back(100 * i + 10 * j + c);
+    }
+  }
+  const std::string data = Bytes(elements);
+  const Outcome<RayTable> table =
+      RaysFromNpy(Array<double>({2, 3, 6}, data, true), 0, kInfinity, 10);
+  ASSERT_TRUE(table);
+  EXPECT_THAT(table->shape, ElementsAre(2, 3));
+  const auto& rows = RowsOf<double>(table);
+  ASSERT_EQ(rows.size(), 6u);
+  for (int i = 0; i < 2; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      EXPECT_EQ(rows[static_cast<std::size_t>(3 * i + j)].ox, 100 * i + 10 * j);
+      EXPECT_EQ(rows[static_cast<std::size_t>(3 * i + j)].dz, 100 * i + 10 * j + 5);
+    }
+  }
+}
+
+TEST(RaysFromNpy, ReadsElementsAtOddAddresses) {
+  const std::string data = "x" + Bytes(Counted<double>(6));
+  NpyArray array = Array<double>({1, 6}, data);
+  array.data.remove_prefix(1);
+  const Outcome<RayTable> table = RaysFromNpy(array, 0, kInfinity, 10);
+  ASSERT_TRUE(table);
+  EXPECT_EQ(RowsOf<double>(table)[0].dz, 5);
+}
+
+TEST(RaysFromNpy, KeepsRowsThatCannotBe) {
+  const float nan = std::nanf("");
+  const std::string data = Bytes(std::vector<float>{0, nan, 0, 0, 0, 0});
+  const Outcome<RayTable> table = RaysFromNpy(Array<float>({1, 6}, data), 0, kInfinity, 10);
+  ASSERT_TRUE(table);
+  EXPECT_TRUE(std::isnan(RowsOf<float>(table)[0].oy));
+}
+
+TEST(RaysFromNpy, RefusesRowsOfAnotherLength) {
+  for (const std::size_t columns : {0u, 1u, 3u, 5u, 7u, 9u}) {
+    const std::string data = Bytes(Counted<float>(2 * columns));
+    const Outcome<RayTable> table = RaysFromNpy(Array<float>({2, columns}, data), 0, kInfinity, 10);
+    ASSERT_FALSE(table) << columns;
+    EXPECT_EQ(table.problem().code, ErrorCode::kInvalidArray);
+    EXPECT_THAT(table.problem().detail, HasSubstr("(2, " + std::to_string(columns) + ")"));
+  }
+  EXPECT_FALSE(RaysFromNpy(Array<float>({}, Bytes(Counted<float>(1))), 0, kInfinity, 10));
+}
+
+TEST(RaysFromNpy, TakesAsManyRowsAsTheLimitAndNoMore) {
+  const std::string data = Bytes(Counted<float>(24));
+  EXPECT_TRUE(RaysFromNpy(Array<float>({2, 2, 6}, data), 0, kInfinity, 4));
+  const Outcome<RayTable> more = RaysFromNpy(Array<float>({2, 2, 6}, data), 0, kInfinity, 3);
+  ASSERT_FALSE(more);
+  EXPECT_EQ(more.problem().code, ErrorCode::kTooManyRays);
+  EXPECT_EQ(more.problem().limit, 3);
+  EXPECT_EQ(more.problem().actual, 4);
+}
+
+}  // namespace
+}  // namespace kdray::api
