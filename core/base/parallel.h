@@ -1,15 +1,16 @@
-// The one seam for threads: nothing else in the project includes oneTBB. The same algorithms run on
-// one thread, so that races and order effects can be ruled out. Results must never depend on how
-// the work was split.
+// The one seam for threads: nothing else in the project sees oneTBB. The same algorithms run on one
+// thread, so that races and order effects can be ruled out. Results must never depend on how the
+// work was split.
 #pragma once
-
-#include <oneapi/tbb/blocked_range.h>
-#include <oneapi/tbb/parallel_for.h>
-#include <oneapi/tbb/parallel_invoke.h>
-#include <oneapi/tbb/task_arena.h>
 
 #include <cstddef>
 #include <utility>
+
+#ifdef __SANITIZE_THREAD__
+#include "core/base/parallel_threads.h"
+#else
+#include "core/base/parallel_tbb.h"
+#endif
 
 namespace kdray::core {
 
@@ -18,45 +19,44 @@ namespace kdray::core {
 class Arena {
  public:
   /// threads >= 1; 1 means: everything on the calling thread.
-  explicit Arena(int threads) : arena_(threads), threads_(threads) {}
+  explicit Arena(int threads) : workers_(threads), threads_(threads) {}
 
   /// Runs f inside the arena and waits; exceptions pass through. Work that the caller's thread
   /// steals while it waits belongs to this call only (isolation), so holding a lock across Run()
   /// cannot deadlock with other requests.
   template <class F>
   void Run(F&& f) {
-    arena_.execute([&] { tbb::this_task_arena::isolate(std::forward<F>(f)); });
+    workers_.Run(std::forward<F>(f));
   }
   int threads() const { return threads_; }
 
  private:
-  tbb::task_arena arena_;
+  parallel_backend::Workers workers_;
   int threads_;
 };
 
-/// body(first, last) over [begin, end) in pieces of at most `grain`; in the arena that the caller
-/// runs in.
+/// body(first, last) over [begin, end) in pieces that begin at multiples of `grain` behind `begin`
+/// and are `grain` long, the last one shorter; in the arena that the caller runs in. Exceptions
+/// pass through.
 template <class Body>
 void ParallelFor(std::size_t begin, std::size_t end, std::size_t grain, const Body& body) {
   if (end <= begin) return;
-  if (end - begin <= grain) {
-    body(begin, end);
-    return;
+  const std::size_t pieces = (end - begin - 1) / grain + 1;
+  const auto run_piece = [&](std::size_t piece) {
+    const std::size_t first = begin + piece * grain;
+    body(first, end - first < grain ? end : first + grain);
+  };
+  if (pieces == 1) {
+    run_piece(0);
+  } else {
+    parallel_backend::ForEach(pieces, run_piece);
   }
-  tbb::parallel_for(
-      tbb::blocked_range<std::size_t>(begin, end, grain),
-      [&](const tbb::blocked_range<std::size_t>& r) {
-        for (std::size_t first = r.begin(); first < r.end(); first += grain) {
-          body(first, first + grain < r.end() ? first + grain : r.end());
-        }
-      },
-      tbb::simple_partitioner());
 }
 
-/// Runs both, possibly at the same time, and waits for both.
+/// Runs both, possibly at the same time, and waits for both. Exceptions pass through.
 template <class F, class G>
 void ParallelInvoke(F&& f, G&& g) {
-  tbb::parallel_invoke(std::forward<F>(f), std::forward<G>(g));
+  parallel_backend::Both(std::forward<F>(f), std::forward<G>(g));
 }
 
 }  // namespace kdray::core
