@@ -1,4 +1,4 @@
-// What a kd-tree node hands down to its children while the tree is built.
+// What the parts of a kd-tree build share, and what a node hands down to its children.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,11 @@
 #include <utility>
 
 #include "core/geometry/bounds3.h"
+#include "core/geometry/triangle_mesh.h"
+#include "core/kdtree/kd_tree_builder.h"
 #include "core/kdtree/split.h"
+#include "core/tree/build_monitor.h"
+#include "core/tree/sah_cost.h"
 
 namespace kdray::core {
 
@@ -49,6 +53,15 @@ class WeightBudget {
   }
 
   std::uint64_t weight_;
+};
+
+/// What all parts of one build share.
+struct KdBuildContext {
+  const TriangleMesh& mesh;
+  KdSplitRule rule;
+  const SahCost& cost;
+  int max_depth;
+  BuildMonitor& monitor;
 };
 
 /// A subtree to build.
