@@ -74,6 +74,23 @@ class Preference {
   double quality_ = 0;
 };
 
+/// What Content-Type says the body is, in lower case and without parameters; empty when it says
+/// nothing. What curl sends unasked says nothing.
+std::string NamedType(std::optional<std::string_view> content_type) {
+  std::string_view rest = content_type.value_or("");
+  std::string type = Lower(Next(&rest, ';'));
+  const bool unnamed =
+      type == "application/octet-stream" || type == "application/x-www-form-urlencoded";
+  return unnamed ? "" : type;
+}
+
+Problem Unsupported(std::string_view named, std::string_view wanted) {
+  return Problem{
+      ErrorCode::kUnsupportedMediaType,
+      "the body is named " + Quoted(named) + "; send " + std::string(wanted) + ", or name nothing",
+      "Content-Type"};
+}
+
 }  // namespace
 
 std::string_view ContentType(BatchType type) {
@@ -82,15 +99,9 @@ std::string_view ContentType(BatchType type) {
 
 Outcome<BatchType> DetectBatchType(std::string_view body,
                                    std::optional<std::string_view> content_type) {
-  std::string_view rest = content_type.value_or("");
-  const std::string named = Lower(Next(&rest, ';'));
-  const bool unnamed = named.empty() || named == "application/octet-stream" ||
-                       named == "application/x-www-form-urlencoded";
-  if (!unnamed && named != kJsonType && named != kNpyType) {
-    return Problem{ErrorCode::kUnsupportedMediaType,
-                   "the body is named " + Quoted(named) +
-                       "; send application/json or application/x-npy, or name nothing",
-                   "Content-Type"};
+  const std::string named = NamedType(content_type);
+  if (!named.empty() && named != kJsonType && named != kNpyType) {
+    return Unsupported(named, "application/json or application/x-npy");
   }
   // One byte is enough, for 0x93 begins no JSON: a file that is cut short then gets the right
   // refusal.
@@ -99,6 +110,12 @@ Outcome<BatchType> DetectBatchType(std::string_view body,
   const std::size_t first = body.find_first_not_of(" \t\r\n");
   const bool is_object = first != std::string_view::npos && body[first] == '{';
   return is_object ? BatchType::kJson : BatchType::kNpy;
+}
+
+Check CheckJsonContentType(std::optional<std::string_view> content_type) {
+  const std::string named = NamedType(content_type);
+  if (named.empty() || named == kJsonType) return std::nullopt;
+  return Unsupported(named, kJsonType);
 }
 
 Outcome<BatchType> ChooseAnswerType(std::optional<std::string_view> accept, BatchType request) {

@@ -21,6 +21,9 @@ std::string_view ContentType(BatchType type);
 Outcome<BatchType> DetectBatchType(std::string_view body,
                                    std::optional<std::string_view> content_type);
 
+/// For bodies that can only be JSON: the same rule for Content-Type.
+Check CheckJsonContentType(std::optional<std::string_view> content_type);
+
 /// The form of the answer: the one that Accept (RFC 9110, 12.5.1; with q-values) prefers, at equal
 /// q-values the one it names, and the request's where that decides nothing (absent, `*/*`,
 /// `application/*`, both named). not_acceptable when it excludes both.

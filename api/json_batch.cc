@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "api/json_cursor.h"
+#include "api/json_pointer.h"
 #include "api/quoted.h"
 
 namespace kdray::api {

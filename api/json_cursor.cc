@@ -6,11 +6,15 @@
 
 namespace kdray::api {
 
+std::uint64_t JsonLine(std::string_view text, const char* seen) {
+  const char* last = seen == text.data() ? seen : seen - 1;
+  return 1 + static_cast<std::uint64_t>(std::count(text.data(), last, '\n'));
+}
+
 Problem JsonProblem(ErrorCode code, std::string_view text, const char* seen, std::string detail,
                     std::optional<std::string> pointer) {
-  const char* last = seen == text.data() ? seen : seen - 1;
   Problem problem{code, std::move(detail), std::move(pointer)};
-  problem.line = 1 + static_cast<std::uint64_t>(std::count(text.data(), last, '\n'));
+  problem.line = JsonLine(text, seen);
   return problem;
 }
 
@@ -40,22 +44,5 @@ Problem NotJson(std::string_view text, const char* seen, std::string_view parser
   return JsonProblem(ErrorCode::kInvalidJson, text, seen, "the body is not JSON: " + detail,
                      std::nullopt);
 }
-
-std::string PointerStep(std::string_view key) {
-  constexpr std::size_t kMost = 60;
-  std::string step = "/";
-  for (const char c : key.substr(0, kMost)) {
-    if (c == '~') {
-      step += "~0";
-    } else if (c == '/') {
-      step += "~1";
-    } else {
-      step += c;
-    }
-  }
-  return step;
-}
-
-std::string PointerStep(std::size_t index) { return PointerStep(std::to_string(index)); }
 
 }  // namespace kdray::api

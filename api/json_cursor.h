@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <iterator>
 #include <optional>
 #include <string>
@@ -41,6 +42,10 @@ class JsonCursor {
   const char** seen_;
 };
 
+/// The 1-based line of the token whose last character was read just before `seen`. Costs a pass
+/// over the text: for refusals and small texts.
+std::uint64_t JsonLine(std::string_view text, const char* seen);
+
 /// invalid_json or invalid_parameter about the token whose last character was read just before
 /// `seen` (a number's next character is read too, which may be the end of its line). `pointer` is
 /// the JSON pointer (RFC 6901).
@@ -50,9 +55,5 @@ Problem JsonProblem(ErrorCode code, std::string_view text, const char* seen, std
 /// invalid_json from the parser's own message, which names line and column, but also its own type
 /// and whatever bytes came.
 Problem NotJson(std::string_view text, const char* seen, std::string_view parser_message);
-
-/// `key`, cut after 60 bytes, as a step of a JSON pointer, '/' in front.
-std::string PointerStep(std::string_view key);
-std::string PointerStep(std::size_t index);
 
 }  // namespace kdray::api

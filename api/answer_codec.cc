@@ -1,0 +1,152 @@
+#include "api/answer_codec.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "api/json_text.h"
+#include "api/names.h"
+
+namespace kdray::api {
+namespace {
+
+using Json = nlohmann::ordered_json;  // in the contract's order, for people who read answers
+
+/// Text of a client may be in `json` (a parameter's name), so invalid UTF-8 is replaced, not thrown
+/// at us.
+std::string Dump(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+Json BoxJson(const Box& box) { return {{"min", box.min}, {"max", box.max}}; }
+
+Json HealthJson(const MeshHealth& health) {
+  return {{"degenerate", health.degenerate},
+          {"duplicate", health.duplicate},
+          {"concave", health.concave},
+          {"open_edges", health.open_edges},
+          {"non_manifold_edges", health.non_manifold_edges},
+          {"closed", health.closed},
+          {"coordinate_resolution", health.coordinate_resolution}};
+}
+
+Json MeshJson(const TreeDescription& tree) {
+  const MeshDescription& mesh = tree.mesh;
+  if (!tree.mesh_known) return {{"sha256", mesh.sha256}, {"bytes", mesh.bytes}};
+  return {{"sha256", mesh.sha256},
+          {"format", mesh.format},
+          {"bytes", mesh.bytes},
+          {"triangles", mesh.triangles},
+          {"dropped", mesh.dropped},
+          {"vertices", mesh.vertices},
+          {"bounds", BoxJson(mesh.bounds)},
+          {"health", HealthJson(mesh.health)}};
+}
+
+Json TreeJson(const TreeFacts& tree) {
+  return {{"build", Name(tree.build)},
+          {"nodes", tree.nodes},
+          {"leaves", tree.leaves},
+          {"empty_leaves", tree.empty_leaves},
+          {"references", tree.references},
+          {"max_depth", tree.max_depth},
+          {"leaf_histogram", tree.leaf_histogram},
+          {"bytes", tree.bytes},
+          {"sah_cost", tree.sah_cost},
+          {"traversal_cost", tree.traversal_cost},
+          {"intersection_cost", tree.intersection_cost},
+          {"parse_ms", tree.parse_ms},
+          {"build_ms", tree.build_ms}};
+}
+
+Json DescriptionJson(const TreeDescription& tree) {
+  Json json = {{"id", tree.id},
+               {"state", tree.ready ? "ready" : "building"},
+               {"progress", tree.progress},
+               {"created_at", tree.created_at},
+               {"mesh", MeshJson(tree)}};
+  if (tree.tree) json["tree"] = TreeJson(*tree.tree);
+  if (!tree.plan.empty()) json["plan"] = tree.plan;
+  return json;
+}
+
+/// 4000000, not 4000000.0: most limits count something.
+Json PlainNumber(double value) {
+  if (std::trunc(value) == value && std::fabs(value) < 9007199254740992.0) {
+    return static_cast<std::int64_t>(value);
+  }
+  return value;
+}
+
+void AppendCorner(std::string* out, const Vec3& corner) {
+  *out += '[';
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    if (axis != 0) *out += ',';
+    AppendNumber(out, corner[axis]);
+  }
+  *out += ']';
+}
+
+}  // namespace
+
+std::string EncodeDescription(const TreeDescription& tree) { return Dump(DescriptionJson(tree)); }
+
+std::string EncodePage(const TreePage& page) {
+  Json trees = Json::array();
+  for (const TreeDescription& tree : page.trees) trees.push_back(DescriptionJson(tree));
+  return Dump({{"trees", std::move(trees)}, {"next", page.next ? Json(*page.next) : Json()}});
+}
+
+std::string EncodeCells(const std::vector<Cell>& cells) {
+  // By hand, for there may be a hundred thousand.
+  std::string out = "{\"cells\":[";
+  for (const Cell& cell : cells) {
+    if (out.back() == '}') out += ',';
+    out += "{\"min\":";
+    AppendCorner(&out, cell.bounds.min);
+    out += ",\"max\":";
+    AppendCorner(&out, cell.bounds.max);
+    out += ",\"depth\":";
+    AppendInteger(&out, cell.depth);
+    out += cell.leaf ? ",\"leaf\":true,\"triangles\":" : ",\"leaf\":false,\"triangles\":";
+    AppendInteger(&out, static_cast<std::int64_t>(cell.triangles));
+    out += '}';
+  }
+  return out + "]}";
+}
+
+std::string EncodeCapabilities(std::string_view version, const Limits& limits) {
+  return Dump({{"name", "kdray"},
+               {"version", version},
+               {"formats", kMeshFormatNames},
+               {"builds", kBuildNames},
+               {"precisions", kAvailablePrecisionNames},
+               {"limits",
+                {{"max_upload_bytes", limits.max_upload_bytes},
+                 {"max_rays", limits.max_rays},
+                 {"max_pixels", limits.max_pixels},
+                 {"max_image_side", limits.max_image_side},
+                 {"max_cells", limits.max_cells},
+                 {"max_samples", limits.max_samples},
+                 {"max_deadline_ms", limits.max_deadline_ms},
+                 {"max_wait_ms", limits.max_wait_ms},
+                 {"max_batch_bytes", limits.MaxBatchBytes()},
+                 {"max_json_body_bytes", limits.max_json_body_bytes},
+                 {"max_json_depth", limits.max_json_depth}}}});
+}
+
+std::string EncodeProblem(const Problem& problem, std::string_view request_id) {
+  const ErrorRow& row = RowOf(problem.code);
+  Json json = {{"type", "/problems/" + std::string(row.name)},
+               {"title", row.title},
+               {"status", row.status},
+               {"detail", problem.detail},
+               {"code", row.name},
+               {"request_id", request_id}};
+  if (problem.parameter) json["parameter"] = *problem.parameter;
+  if (problem.limit) json["limit"] = PlainNumber(*problem.limit);
+  if (problem.actual) json["actual"] = PlainNumber(*problem.actual);
+  if (problem.line) json["line"] = *problem.line;
+  return Dump(json);
+}
+
+}  // namespace kdray::api

@@ -1,0 +1,31 @@
+#include "api/field.h"
+
+#include <algorithm>
+
+#include "api/quoted.h"
+
+namespace kdray::api {
+
+Problem UnknownField(std::string_view name, const std::vector<std::string_view>& names,
+                     const std::vector<std::string_view>& later) {
+  const auto is_name = [&](std::string_view other) { return name == other; };
+  std::string detail = std::any_of(later.begin(), later.end(), is_name)
+                           ? Quoted(name) + " is not in this version"
+                           : "there is no " + Quoted(name) + " here";
+  const char* before = names.empty() ? "; nothing is taken" : "; there are ";
+  if (names.empty()) detail += before;
+  for (const std::string_view known : names) {
+    detail += before;
+    detail += known;
+    before = ", ";
+  }
+  return Problem{ErrorCode::kInvalidParameter, std::move(detail), std::string(name)};
+}
+
+Problem MissingField(std::string_view name, const FieldKind& kind) {
+  return Problem{ErrorCode::kInvalidParameter,
+                 std::string(name) + " is missing; it must be " + Describe(kind),
+                 std::string(name)};
+}
+
+}  // namespace kdray::api

@@ -1,0 +1,187 @@
+// Fields of requests as data. One table a request (api/request_fields.h) says each field's name,
+// what it takes and where it goes; reading it from query parameters or a JSON object, refusing,
+// writing the canonical text and checking the documentation all walk the same table.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "api/field_kind.h"
+#include "api/json_pointer.h"
+#include "api/json_reader.h"
+#include "api/query_string.h"
+#include "api/types.h"
+
+namespace kdray::api {
+
+// ---- A field of `Request` ----
+
+template <class Request>
+struct Field {
+  std::string_view name;
+  FieldKind kind;
+  std::function<void(Request&, FieldValue)> set;
+  std::function<std::optional<FieldValue>(const Request&)> get;  ///< nullopt: left out
+  bool required = false;
+  bool shapes_answer = true;  ///< false: the answer's bytes do not depend on it
+};
+
+template <class Request>
+struct FieldTable {
+  std::vector<Field<Request>> fields;
+  std::vector<std::string_view> later =
+      {};  ///< fields of the contract that are not in this version
+};
+
+namespace field_detail {
+
+template <class T>
+struct IsOptional : std::false_type {};
+template <class T>
+struct IsOptional<std::optional<T>> : std::true_type {};
+template <class T>
+struct IsVector : std::false_type {};
+template <class T>
+struct IsVector<std::vector<T>> : std::true_type {};
+
+template <class T>
+void Assign(T& member, FieldValue value) {
+  if constexpr (IsOptional<T>::value) {
+    Assign(member.emplace(), std::move(value));
+  } else if constexpr (std::is_enum_v<T> || std::is_integral_v<T>) {
+    member = static_cast<T>(std::get<std::int64_t>(value));
+  } else if constexpr (std::is_same_v<T, Vec3>) {
+    const auto& numbers = std::get<std::vector<double>>(value);
+    member = {numbers[0], numbers[1], numbers[2]};
+  } else if constexpr (std::is_same_v<T, Region>) {
+    const auto& numbers = std::get<std::vector<std::int64_t>>(value);
+    member = {numbers[0], numbers[1], numbers[2], numbers[3]};
+  } else if constexpr (IsVector<T>::value) {
+    member.clear();
+    for (const std::int64_t index : std::get<std::vector<std::int64_t>>(value)) {
+      member.push_back(static_cast<typename T::value_type>(index));
+    }
+  } else {
+    member = std::get<T>(std::move(value));
+  }
+}
+
+template <class T>
+std::optional<FieldValue> Fetch(const T& member) {
+  if constexpr (IsOptional<T>::value) {
+    return member ? Fetch(*member) : std::nullopt;
+  } else if constexpr (std::is_enum_v<T> || std::is_integral_v<T>) {
+    return static_cast<std::int64_t>(member);
+  } else if constexpr (std::is_same_v<T, Vec3>) {
+    return std::vector<double>(member.begin(), member.end());
+  } else if constexpr (std::is_same_v<T, Region>) {
+    return std::vector<std::int64_t>{member.x0, member.y0, member.x1, member.y1};
+  } else if constexpr (IsVector<T>::value) {
+    std::vector<std::int64_t> indices;
+    for (const auto choice : member) indices.push_back(static_cast<std::int64_t>(choice));
+    return indices;
+  } else {
+    return member;
+  }
+}
+
+}  // namespace field_detail
+
+/// A field that is one member of the request.
+template <class Request, class T>
+Field<Request> MemberField(std::string_view name, FieldKind kind, T Request::*member) {
+  return {name, kind,
+          [member](Request& request, FieldValue value) {
+            field_detail::Assign(request.*member, std::move(value));
+          },
+          [member](const Request& request) { return field_detail::Fetch(request.*member); }};
+}
+
+// ---- Whole requests ----
+
+/// "there is no parameter 'x' here; there are a, b"; `later` names get their own sentence.
+Problem UnknownField(std::string_view name, const std::vector<std::string_view>& names,
+                     const std::vector<std::string_view>& later);
+Problem MissingField(std::string_view name, const FieldKind& kind);
+
+template <class Request>
+const Field<Request>* FindField(const FieldTable<Request>& table, std::string_view name) {
+  for (const Field<Request>& field : table.fields) {
+    if (field.name == name) return &field;
+  }
+  return nullptr;
+}
+
+template <class Request>
+Problem UnknownField(const FieldTable<Request>& table, std::string_view name) {
+  std::vector<std::string_view> names;
+  for (const Field<Request>& field : table.fields) names.push_back(field.name);
+  return UnknownField(name, names, table.later);
+}
+
+/// Fills a Request from a query; what is left out keeps its default.
+template <class Request>
+Outcome<Request> ReadQuery(const FieldTable<Request>& table, std::string_view query) {
+  const Outcome<std::vector<Parameter>> parameters = ParseQuery(query);
+  if (!parameters) return parameters.problem();
+  Request request;
+  for (const Parameter& parameter : *parameters) {
+    const Field<Request>* field = FindField(table, parameter.name);
+    if (field == nullptr) return UnknownField(table, parameter.name);
+    Outcome<FieldValue> value = ReadText(field->name, field->kind, parameter.value);
+    if (!value) return std::move(value).problem();
+    field->set(request, *std::move(value));
+  }
+  for (const Field<Request>& field : table.fields) {
+    if (!field.required) continue;
+    bool given = false;
+    for (const Parameter& parameter : *parameters) given = given || parameter.name == field.name;
+    if (!given) return MissingField(field.name, field.kind);
+  }
+  return request;
+}
+
+/// The same from a JSON object. `parameter` of the problem is a JSON pointer, and the line is
+/// named.
+template <class Request>
+Outcome<Request> ReadObject(const FieldTable<Request>& table, const JsonObject& object) {
+  Request request;
+  for (const JsonMember& member : object) {
+    const auto refuse = [&](Problem problem) {
+      problem.line = member.value.line;
+      return problem;
+    };
+    const Field<Request>* field = FindField(table, member.key);
+    if (field == nullptr) {
+      Problem problem = UnknownField(table, member.key);
+      problem.parameter = PointerStep(member.key);
+      return refuse(std::move(problem));
+    }
+    Outcome<FieldValue> value = ReadJson(field->name, field->kind, member.value);
+    if (!value) return refuse(std::move(value).problem());
+    field->set(request, *std::move(value));
+  }
+  return request;
+}
+
+/// `name=value&…` of every field that shapes the answer, in the table's order, defaults written
+/// out.
+template <class Request>
+std::string CanonicalText(const FieldTable<Request>& table, const Request& request) {
+  std::string text;
+  for (const Field<Request>& field : table.fields) {
+    const std::optional<FieldValue> value = field.get(request);
+    if (!field.shapes_answer || !value) continue;
+    if (!text.empty()) text += '&';
+    text += std::string(field.name) + '=' + WriteText(field.kind, *value);
+  }
+  return text;
+}
+
+}  // namespace kdray::api

@@ -1,0 +1,52 @@
+// Small JSON objects, read strictly: requests written by hand or by programs, at most a page long.
+// Batches have their own reader (api/json_batch.h).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "api/types.h"
+
+namespace kdray::api {
+
+struct JsonNumber {
+  double value = 0;
+  /// Set when the text means an integer beyond doubt: written without fraction and exponent, or an
+  /// integral double below 2^53 (1.0, 1e3).
+  std::optional<std::int64_t> integer;
+};
+
+struct JsonMember;
+
+struct JsonValue {
+  std::variant<std::nullptr_t, bool, JsonNumber, std::string, std::vector<JsonValue>,
+               std::vector<JsonMember>>
+      value;
+  std::uint64_t line = 1;  ///< where its text ends (for arrays and objects: begins), 1-based
+
+  /// "null", "a boolean", "a number", "a string", "an array", "an object".
+  std::string_view KindName() const;
+};
+using JsonArray = std::vector<JsonValue>;
+using JsonObject = std::vector<JsonMember>;  ///< in the order of the text, keys unique
+
+struct JsonMember {
+  std::string key;
+  JsonValue value;
+};
+
+/// Values in one text, keys of objects not counted.
+inline constexpr std::size_t kMaxJsonValues = 4096;
+
+/// invalid_json, with the line and where it helps the JSON pointer: text that is not JSON (RFC
+/// 8259) or more than one value, a text that is not an object, invalid UTF-8, a number beyond the
+/// range of double, a key twice in one object, brackets nested deeper than `max_depth`, more than
+/// kMaxJsonValues values.
+Outcome<JsonObject> ReadJsonObject(std::string_view text, std::size_t max_depth);
+
+}  // namespace kdray::api

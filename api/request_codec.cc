@@ -1,0 +1,118 @@
+#include "api/request_codec.h"
+
+#include <algorithm>
+
+#include "api/batch_type.h"
+#include "api/json_reader.h"
+#include "api/request_fields.h"
+
+namespace kdray::api {
+namespace {
+
+Outcome<RayOptions> CheckedRayOptions(Outcome<RayOptions> options) {
+  // Not left to the rows: every row of 6 would be named as invalid for what is one mistake.
+  if (options && options->t_max && !(options->t_min <= *options->t_max)) {
+    return Problem{ErrorCode::kInvalidParameter, "t_min is greater than t_max", "t_min"};
+  }
+  return options;
+}
+
+Problem ImageTooLarge(std::string detail, std::uint64_t limit, std::int64_t actual) {
+  Problem problem{ErrorCode::kImageTooLarge, std::move(detail)};
+  problem.limit = static_cast<double>(limit);
+  problem.actual = static_cast<double>(actual);
+  return problem;
+}
+
+/// What no field sees alone. `pointer` goes before the names of fields.
+Outcome<RenderRequest> CheckedRender(Outcome<RenderRequest> request, const std::string& pointer,
+                                     const Limits& limits) {
+  if (!request) return request;
+  const Region all{0, 0, request->width, request->height};
+  const Region part = request->region.value_or(all);
+  if (part.x0 >= part.x1 || part.y0 >= part.y1 || part.x1 > all.x1 || part.y1 > all.y1) {
+    return Problem{ErrorCode::kInvalidParameter,
+                   "region must be x0,y0,x1,y1 with 0 <= x0 < x1 <= width (" +
+                       std::to_string(all.x1) + ") and 0 <= y0 < y1 <= height (" +
+                       std::to_string(all.y1) + ")",
+                   pointer + "region"};
+  }
+  const std::int64_t width = part.x1 - part.x0, height = part.y1 - part.y0;
+  const std::int64_t side = std::max(width, height), pixels = width * height;
+  if (static_cast<std::uint64_t>(side) > limits.max_image_side) {
+    return ImageTooLarge("the image has a side of " + std::to_string(side) +
+                             " pixels; max_image_side is " + std::to_string(limits.max_image_side) +
+                             ", regions of it can be rendered one by one",
+                         limits.max_image_side, side);
+  }
+  if (static_cast<std::uint64_t>(pixels) > limits.max_pixels) {
+    return ImageTooLarge("the image has " + std::to_string(pixels) + " pixels; max_pixels is " +
+                             std::to_string(limits.max_pixels) +
+                             ", regions of it can be rendered one by one",
+                         limits.max_pixels, pixels);
+  }
+  return request;
+}
+
+}  // namespace
+
+Outcome<UploadRequest> DecodeUpload(std::string_view query, const Limits& limits) {
+  return ReadQuery(UploadFields(limits), query);
+}
+
+Outcome<ListRequest> DecodeList(std::string_view query, const Limits&) {
+  return ReadQuery(ListFields(), query);
+}
+
+Outcome<DescribeRequest> DecodeDescribe(std::string_view query, const Limits& limits) {
+  return ReadQuery(DescribeFields(limits), query);
+}
+
+Outcome<CellsRequest> DecodeCells(std::string_view query, const Limits&) {
+  return ReadQuery(CellsFields(), query);
+}
+
+Outcome<RayOptions> DecodeClosestOptions(std::string_view query, const Limits& limits) {
+  return CheckedRayOptions(ReadQuery(ClosestFields(limits), query));
+}
+
+Outcome<RayOptions> DecodeAnyOptions(std::string_view query, const Limits& limits) {
+  return CheckedRayOptions(ReadQuery(AnyFields(limits), query));
+}
+
+Check CheckNoParameters(std::string_view query) {
+  struct Nothing {};
+  Outcome<Nothing> read = ReadQuery(FieldTable<Nothing>{}, query);
+  return read ? std::nullopt : Check(std::move(read).problem());
+}
+
+Outcome<RenderRequest> DecodeRenderQuery(std::string_view query, const Limits& limits) {
+  return CheckedRender(ReadQuery(RenderFields(limits), query), "", limits);
+}
+
+Outcome<RenderRequest> DecodeRenderBody(std::string_view body,
+                                        std::optional<std::string_view> content_type,
+                                        const Limits& limits) {
+  if (Check problem = CheckJsonContentType(content_type)) return *std::move(problem);
+  if (body.size() > limits.max_json_body_bytes) {
+    Problem problem{ErrorCode::kBodyTooLarge, "the body has " + std::to_string(body.size()) +
+                                                  " bytes; max_json_body_bytes is " +
+                                                  std::to_string(limits.max_json_body_bytes)};
+    problem.limit = static_cast<double>(limits.max_json_body_bytes);
+    problem.actual = static_cast<double>(body.size());
+    return problem;
+  }
+  const Outcome<JsonObject> object = ReadJsonObject(body, limits.max_json_depth);
+  if (!object) return object.problem();
+  return CheckedRender(ReadObject(RenderFields(limits), *object), "/", limits);
+}
+
+std::string CanonicalQuery(const RenderRequest& request) {
+  return CanonicalText(RenderFields(Limits{}), request);
+}
+
+std::string CanonicalQuery(const CellsRequest& request) {
+  return CanonicalText(CellsFields(), request);
+}
+
+}  // namespace kdray::api

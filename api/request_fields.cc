@@ -1,0 +1,129 @@
+#include "api/request_fields.h"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <string_view>
+
+#include "api/names.h"
+#include "api/tree_id.h"
+
+namespace kdray::api {
+namespace {
+
+constexpr std::int64_t kMaxDepth = 255;  // no tree is deeper
+constexpr std::int64_t kMaxPage = 1000;
+
+/// Precisions of the contract that this version does not have.
+constexpr std::array<std::string_view, 1> kLaterPrecisions = {"exact"};
+constexpr std::array<std::string_view, 2> kLaterModes = {"ambient-occlusion", "cost"};
+
+constexpr ChoiceKind kPrecisionKind = {kAvailablePrecisionNames, kLaterPrecisions};
+constexpr TextKind kSha256Kind = {IsSha256, "a SHA-256 as 64 lower-case hexadecimal digits"};
+
+/// The engine knows which cursors it made; here only what could harm a log line is kept out.
+bool IsCursor(std::string_view text) {
+  return text.size() <= 256 &&
+         std::all_of(text.begin(), text.end(), [](char c) { return c > ' ' && c < '\x7f'; });
+}
+constexpr TextKind kCursorKind = {IsCursor, "the 'next' of the page before"};
+
+IntegerKind UpTo(std::int64_t min, std::uint64_t max) {
+  return {min, static_cast<std::int64_t>(max)};
+}
+
+template <class Request>
+Field<Request> DeadlineField(const Limits& limits) {
+  Field<Request> field =
+      MemberField("deadline_ms", UpTo(1, limits.max_deadline_ms), &Request::deadline_ms);
+  field.shapes_answer = false;
+  return field;
+}
+
+Field<RenderRequest> BackgroundField() {
+  constexpr VectorKind kKind = {0, 1, "transparent"};
+  return {"background", kKind,
+          [](RenderRequest& request, FieldValue value) {
+            request.transparent = std::holds_alternative<std::string>(value);
+            request.background.reset();
+            if (!request.transparent) {
+              field_detail::Assign(request.background, std::move(value));
+            }
+          },
+          [kKind](const RenderRequest& request) -> std::optional<FieldValue> {
+            if (request.transparent) return std::string(kKind.word);
+            return field_detail::Fetch(request.background);
+          }};
+}
+
+}  // namespace
+
+FieldTable<UploadRequest> UploadFields(const Limits& limits) {
+  using R = UploadRequest;
+  return {{MemberField("build", ChoiceKind{kBuildNames}, &R::build),
+           MemberField("mesh", kSha256Kind, &R::mesh),
+           MemberField("wait_ms", UpTo(0, limits.max_wait_ms), &R::wait_ms)}};
+}
+
+FieldTable<ListRequest> ListFields() {
+  using R = ListRequest;
+  return {{MemberField("mesh", kSha256Kind, &R::mesh),
+           MemberField("limit", IntegerKind{1, kMaxPage}, &R::limit),
+           MemberField("after", kCursorKind, &R::after)}};
+}
+
+FieldTable<DescribeRequest> DescribeFields(const Limits& limits) {
+  return {{MemberField("wait_ms", UpTo(0, limits.max_wait_ms), &DescribeRequest::wait_ms)}};
+}
+
+FieldTable<CellsRequest> CellsFields() {
+  FieldTable<CellsRequest> table{
+      {MemberField("depth", IntegerKind{0, kMaxDepth}, &CellsRequest::depth)}};
+  table.fields[0].required = true;
+  return table;
+}
+
+FieldTable<RayOptions> AnyFields(const Limits& limits) {
+  using R = RayOptions;
+  NumberKind t_max;
+  t_max.or_infinity = true;
+  return {{MemberField("precision", kPrecisionKind, &R::precision),
+           MemberField("t_min", NumberKind{}, &R::t_min), MemberField("t_max", t_max, &R::t_max),
+           DeadlineField<R>(limits),
+           MemberField("dtype", ChoiceKind{kNumberTypeNames}, &R::dtype)}};
+}
+
+FieldTable<RayOptions> ClosestFields(const Limits& limits) {
+  FieldTable<RayOptions> table = AnyFields(limits);
+  table.fields.insert(table.fields.begin() + 1,
+                      MemberField("fields", ChoicesKind{kRayFieldNames}, &RayOptions::fields));
+  return table;
+}
+
+FieldTable<RenderRequest> RenderFields(const Limits& limits) {
+  using R = RenderRequest;
+  constexpr double kInfinity = std::numeric_limits<double>::max();
+  return {
+      {
+          MemberField("width", IntegerKind{1, kMaxWholeSide}, &R::width),
+          MemberField("height", IntegerKind{1, kMaxWholeSide}, &R::height),
+          MemberField("projection", ChoiceKind{kProjectionNames}, &R::projection),
+          MemberField("eye", VectorKind{}, &R::eye),
+          MemberField("target", VectorKind{}, &R::target),
+          MemberField("up", VectorKind{}, &R::up),
+          MemberField("fov_deg", NumberKind{0, 180, true, true}, &R::fov_deg),
+          MemberField("view_height", NumberKind{0, kInfinity, true}, &R::view_height),
+          MemberField("mode", ChoiceKind{kRenderModeNames, kLaterModes}, &R::mode),
+          MemberField("samples", UpTo(1, limits.max_samples), &R::samples),
+          MemberField("precision", kPrecisionKind, &R::precision),
+          MemberField("color", VectorKind{0, 1}, &R::color),
+          BackgroundField(),
+          MemberField("cells_depth", IntegerKind{0, kMaxDepth}, &R::cells_depth),
+          MemberField("region", IntegersKind{4, 0, kMaxWholeSide}, &R::region),
+          MemberField("seed", IntegerKind{0, std::numeric_limits<std::int64_t>::max()}, &R::seed),
+          DeadlineField<R>(limits),
+      },
+      {"lights", "shadows", "smooth", "ao_radius", "budget_ms", "max_noise", "max_samples"}};
+}
+
+}  // namespace kdray::api

@@ -1,0 +1,22 @@
+// The tables of fields of every request: names, ranges and defaults of the contract.
+// api/openapi.yaml says the same for people; a test compares the two.
+#pragma once
+
+#include "api/field.h"
+#include "api/limits.h"
+#include "api/types.h"
+
+namespace kdray::api {
+
+/// The longest side of a whole image. What one answer renders of it is bounded by the limits.
+inline constexpr std::int64_t kMaxWholeSide = 1 << 20;
+
+FieldTable<UploadRequest> UploadFields(const Limits& limits);
+FieldTable<ListRequest> ListFields();
+FieldTable<DescribeRequest> DescribeFields(const Limits& limits);
+FieldTable<CellsRequest> CellsFields();
+FieldTable<RayOptions> ClosestFields(const Limits& limits);
+FieldTable<RayOptions> AnyFields(const Limits& limits);
+FieldTable<RenderRequest> RenderFields(const Limits& limits);
+
+}  // namespace kdray::api
