@@ -1,0 +1,180 @@
+#include "server/http/connection.h"
+
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <climits>
+
+#include "server/http/request_head.h"
+
+namespace kdray::server {
+namespace {
+
+using Clock = Connection::Clock;
+using std::chrono::milliseconds;
+
+constexpr std::size_t kReadBytes = 8 * 1024;
+constexpr std::size_t kGatherBytes = 16 * 1024;
+constexpr milliseconds kLingerTime{200};
+constexpr std::size_t kLingerBytes = 64 * 1024;
+
+/// Waits for `events` or an error condition on the socket; false at the deadline.
+bool WaitUntil(int fd, short events, Clock::time_point deadline) {
+  for (;;) {
+    const auto left = std::chrono::ceil<milliseconds>(deadline - Clock::now()).count();
+    if (left <= 0) return false;
+    pollfd entry{.fd = fd, .events = events, .revents = 0};
+    const int ready = poll(&entry, 1, static_cast<int>(std::min<long long>(left, INT_MAX)));
+    if (ready > 0) return true;
+    if (ready < 0 && errno != EINTR) return true;  // the next call on the socket tells
+  }
+}
+
+bool WouldBlock() { return errno == EAGAIN || errno == EWOULDBLOCK; }
+
+/// recv() that neither blocks nor is interrupted: bytes, 0 at the end, -1 with errno.
+ssize_t Receive(int fd, void* out, std::size_t size) {
+  for (;;) {
+    const ssize_t count = recv(fd, out, size, MSG_DONTWAIT);
+    if (count >= 0 || errno != EINTR) return count;
+  }
+}
+
+}  // namespace
+
+bool Pace::Wait(int fd, short events) {
+  const std::chrono::duration<double> earned(static_cast<double>(moved_) /
+                                             static_cast<double>(limit_.bytes_per_second));
+  const auto credit = std::chrono::duration_cast<Clock::duration>(earned);
+  const auto left = Clock::duration(limit_.grace) + credit - waited_;
+  const auto start = Clock::now();
+  const bool ready = WaitUntil(fd, events, start + std::min<Clock::duration>(left, limit_.stall));
+  waited_ += Clock::now() - start;
+  return ready;
+}
+
+Connection::Read Connection::Fill(Clock::time_point deadline) {
+  for (;;) {
+    const std::size_t before = in_.size();
+    in_.resize(before + kReadBytes);
+    const ssize_t count = Receive(fd_, in_.data() + before, kReadBytes);
+    in_.resize(before + static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
+    if (count > 0) return Read::kDone;
+    if (count == 0 || !WouldBlock()) return Read::kClosed;
+    if (!WaitUntil(fd_, POLLIN, deadline)) return Read::kTimeout;
+  }
+}
+
+Connection::Read Connection::WaitForByte(Clock::time_point deadline) {
+  return in_.empty() ? Fill(deadline) : Read::kDone;
+}
+
+Connection::Read Connection::ReadHead(Clock::time_point deadline, std::size_t max_bytes) {
+  std::size_t looked = 0;
+  for (;;) {
+    head_bytes_ = FindHeadEnd(in_, looked);
+    if (head_bytes_ != 0 && head_bytes_ <= max_bytes) return Read::kDone;
+    looked = in_.size();
+    if (looked >= max_bytes) {
+      head_bytes_ = std::min(looked, max_bytes);
+      return Read::kTooLarge;
+    }
+    if (const Read read = Fill(deadline); read != Read::kDone) {
+      head_bytes_ = in_.size();
+      return read;
+    }
+  }
+}
+
+void Connection::BeginBody(std::uint64_t bytes, const PaceLimit& pace) {
+  body_left_ = bytes;
+  read_pace_ = Pace(pace);
+}
+
+Connection::Read Connection::ReadBody(std::span<std::byte> out, std::size_t* count) {
+  *count = 0;
+  const auto wanted = static_cast<std::size_t>(std::min<std::uint64_t>(out.size(), body_left_));
+  if (wanted == 0) return Read::kDone;
+  if (has_buffered_input()) {
+    *count = std::min(wanted, in_.size() - head_bytes_);
+    std::copy_n(reinterpret_cast<const std::byte*>(in_.data()) + head_bytes_, *count, out.data());
+    in_.erase(head_bytes_, *count);
+  } else {
+    for (;;) {
+      const ssize_t got = Receive(fd_, out.data(), wanted);
+      if (got > 0) {
+        *count = static_cast<std::size_t>(got);
+        break;
+      }
+      if (got == 0 || !WouldBlock()) return Read::kClosed;
+      if (!read_pace_.Wait(fd_, POLLIN)) return Read::kTimeout;
+    }
+  }
+  read_pace_.Moved(*count);
+  body_left_ -= *count;
+  return Read::kDone;
+}
+
+void Connection::BeginWrite(const PaceLimit& pace) {
+  write_pace_ = Pace(pace);
+  written_ = 0;
+}
+
+bool Connection::Write(std::string_view bytes) {
+  if (broken_) return false;
+  if (out_.size() + bytes.size() <= kGatherBytes) {
+    out_.append(bytes);
+    return true;
+  }
+  const bool sent = Send(out_, true) && Send(bytes, false);
+  out_.clear();
+  return sent;
+}
+
+bool Connection::Flush() {
+  const bool sent = Send(out_, false);
+  out_.clear();
+  return sent;
+}
+
+bool Connection::Send(std::string_view bytes, bool more) {
+  while (!bytes.empty() && !broken_) {
+    const ssize_t count =
+        send(fd_, bytes.data(), bytes.size(), MSG_DONTWAIT | MSG_NOSIGNAL | (more ? MSG_MORE : 0));
+    if (count > 0) {
+      bytes.remove_prefix(static_cast<std::size_t>(count));
+      written_ += static_cast<std::uint64_t>(count);
+      write_pace_.Moved(static_cast<std::size_t>(count));
+    } else if (count < 0 && errno == EINTR) {
+      continue;
+    } else if (count < 0 && WouldBlock()) {
+      broken_ = !write_pace_.Wait(fd_, POLLOUT);
+    } else {
+      broken_ = true;
+    }
+  }
+  return !broken_;
+}
+
+void Connection::EndRequest() {
+  in_.erase(0, head_bytes_);
+  head_bytes_ = 0;
+}
+
+void Connection::CloseGently() {
+  if (broken_ || shutdown(fd_, SHUT_WR) != 0) return;
+  const auto deadline = Clock::now() + kLingerTime;
+  char sink[4096];
+  for (std::size_t total = 0; total < kLingerBytes;) {
+    const ssize_t count = Receive(fd_, sink, sizeof(sink));
+    if (count > 0) {
+      total += static_cast<std::size_t>(count);
+    } else if (count == 0 || !WouldBlock() || !WaitUntil(fd_, POLLIN, deadline)) {
+      return;
+    }
+  }
+}
+
+}  // namespace kdray::server

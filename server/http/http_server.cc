@@ -1,0 +1,489 @@
+// What cpp-httplib does here: it makes the listening socket, accepts, and writes answers. What it
+// does not do:
+//
+// - It reads no request. Its reader takes bare line feeds, negative and repeated lengths, chunk
+// sizes with signs, unlimited lines
+//   and header counts, and decodes percent signs in header values; a body it does not read becomes
+//   the next request. So the head is read by Connection and ParseRequestHead(), the body by
+//   Connection, and the library is shown a head of our own making.
+// - It keeps no connection. Its loop polls a hundred times a second and drops what was read too
+// far. Ours keeps one Connection.
+// - It routes nothing, serves no files, ranges or compression: the pre-routing handler answers
+// everything.
+// - It does not end when accept() fails, or when it merely thinks so: see AcceptUntilStopped().
+//
+// Research behind this: the class layout and defaults of Debian's 0.11.4; other versions need a new
+// look at this file only.
+#include "server/http/http_server.h"
+
+#include <httplib.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <ctime>
+#include <exception>
+#include <new>
+#include <thread>
+#include <utility>
+#include <variant>
+
+#include "server/http/connection_pool.h"
+#include "server/http/departure_watch.h"
+
+namespace kdray::server {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using api::ErrorCode;
+using api::Problem;
+
+constexpr int kBacklog = 1024;
+constexpr std::size_t kStreamBytes = 64 * 1024;
+
+/// RFC 9110, 6.6.1: IMF-fixdate.
+std::string HttpDate() {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  // strftime's names depend on the locale; these must not.
+  constexpr std::array kDays = {"Sun", "Mon", "Tue", "Wed", "Thu", "Fri", "Sat"};
+  constexpr std::array kMonths = {"Jan", "Feb", "Mar", "Apr", "May", "Jun",
+                                  "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"};
+  char text[64];
+  std::snprintf(text, sizeof(text), "%s, %02d %s %d %02d:%02d:%02d GMT",
+                kDays[static_cast<std::size_t>(utc.tm_wday)], utc.tm_mday,
+                kMonths[static_cast<std::size_t>(utc.tm_mon)], utc.tm_year + 1900, utc.tm_hour,
+                utc.tm_min, utc.tm_sec);
+  return text;
+}
+
+/// One request and its answer on a connection.
+class Exchange final : public HttpPeer {
+ public:
+  Exchange(Connection& connection, DepartureWatch& watch, const PaceLimit& body_pace)
+      : connection_(connection), watch_(watch), body_pace_(body_pace) {}
+
+  void Accept(RequestHead head) {
+    body_size_ = head.content_length;
+    expects_continue_ = head.expects_continue;
+    keep_alive_ = head.keep_alive;
+    SetRequest(std::move(head));
+    request_.peer = this;
+    connection_.BeginBody(body_size_, body_pace_);
+  }
+  void Refuse(RefusedHead refused) {
+    SetRequest(std::move(refused.known));
+    refusal_ = std::move(refused.problem);
+  }
+
+  /// Asks the handler; whatever it throws becomes an answer without the text.
+  void Answer(HttpHandler& handler) {
+    try {
+      response_ = refusal_ ? handler.Refuse(request_, *refusal_) : handler.Handle(request_);
+    } catch (const std::bad_alloc&) {
+      response_ = handler.Refuse(request_, Problem{.code = ErrorCode::kMemoryFull,
+                                                   .detail = "there was no memory for this request",
+                                                   .retry_after_s = 1});
+    } catch (const std::exception& error) {
+      response_ = handler.Refuse(request_, InternalProblem());
+      response_.cause = error.what();
+    } catch (...) {
+      response_ = handler.Refuse(request_, InternalProblem());
+      response_.cause = "an exception of unknown type";
+    }
+    // After an error nothing more is believed of the connection; unread bytes of a body are not the
+    // next request.
+    response_.close = response_.close || response_.status >= 400 || !keep_alive_ ||
+                      refusal_.has_value() || connection_.body_left() > 0;
+  }
+
+  bool is_head() const { return request_.method == "HEAD"; }
+  HttpResponse& response() { return response_; }
+
+  HttpRecord Record(Clock::time_point start) const {
+    HttpRecord record;
+    record.method = request_.method;
+    record.path = request_.path;
+    record.remote_addr = request_.remote_addr;
+    record.request_id = response_.headers.Find("X-Request-Id").value_or("");
+    record.error_code = response_.error_code;
+    record.cause = response_.cause;
+    record.status = response_.status;
+    record.bytes_in = body_size_ - connection_.body_left();
+    record.bytes_out = connection_.written();
+    record.ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+    record.complete = complete_;
+    return record;
+  }
+  void set_complete(bool complete) { complete_ = complete; }
+  void set_remote_addr(std::string addr) { request_.remote_addr = std::move(addr); }
+
+  // HttpPeer
+  std::uint64_t body_size() const override { return body_size_; }
+
+  api::Outcome<std::size_t> ReadBody(std::span<std::byte> out) override {
+    if (expects_continue_) {
+      expects_continue_ = false;
+      if (!connection_.has_buffered_input() && connection_.body_left() > 0) {
+        connection_.Write("HTTP/1.1 100 Continue\r\n\r\n");
+        connection_.Flush();
+      }
+    }
+    std::size_t count = 0;
+    switch (connection_.ReadBody(out, &count)) {
+      case Connection::Read::kDone:
+        return count;
+      case Connection::Read::kTimeout:
+        return Problem{.code = ErrorCode::kRequestTimeout,
+                       .detail = "the body came too slowly: " + Received()};
+      default:
+        return Problem{.code = ErrorCode::kMalformedRequest,
+                       .detail = "the body ended early: " + Received()};
+    }
+  }
+
+  std::shared_ptr<void> CancelWhenGone(const core::CancelToken& token) override {
+    return watch_.Watch(connection_.fd(), token);
+  }
+
+ private:
+  static Problem InternalProblem() {
+    return Problem{.code = ErrorCode::kInternal, .detail = "the request could not be finished"};
+  }
+  std::string Received() const {
+    return std::to_string(body_size_ - connection_.body_left()) + " of " +
+           std::to_string(body_size_) + " bytes were received";
+  }
+  void SetRequest(RequestHead head) {
+    request_.method = std::move(head.method);
+    request_.path = std::move(head.path);
+    request_.query = std::move(head.query);
+    request_.headers = std::move(head.headers);
+    request_.received = Clock::now();
+  }
+
+  Connection& connection_;
+  DepartureWatch& watch_;
+  const PaceLimit body_pace_;
+  HttpRequest request_;
+  std::optional<Problem> refusal_;
+  HttpResponse response_;
+  std::uint64_t body_size_ = 0;
+  bool expects_continue_ = false, keep_alive_ = false, complete_ = false;
+};
+
+/// What the library sees of a connection: it reads the head that we wrote for it, and its writes go
+/// through.
+class LibraryStream final : public httplib::Stream {
+ public:
+  LibraryStream(Connection& connection, std::string_view head)
+      : connection_(connection), head_(head) {}
+
+  bool is_readable() const override { return !head_.empty(); }
+  bool is_writable() const override { return true; }
+  ssize_t read(char* out, size_t size) override {
+    const std::size_t count = head_.copy(out, size);
+    head_.remove_prefix(count);
+    return static_cast<ssize_t>(count);
+  }
+  // Never 0, which the library would try again for ever.
+  ssize_t write(const char* bytes, size_t size) override {
+    return connection_.Write({bytes, size}) ? static_cast<ssize_t>(size) : -1;
+  }
+  void get_remote_ip_and_port(std::string&, int&) const override {}
+  void get_local_ip_and_port(std::string&, int&) const override {}
+  socket_t socket() const override { return connection_.fd(); }
+
+ private:
+  Connection& connection_;
+  std::string_view head_;
+};
+
+/// The library's queue of connections. They are handed on at once, to ConnectionPool.
+class ImmediateQueue final : public httplib::TaskQueue {
+ public:
+  void enqueue(std::function<void()> task) override { task(); }
+  void shutdown() override {}
+};
+
+/// Feeds the body to the library. No exception may pass it: there it would end the process.
+bool SendBody(const HttpBody& body, std::uint64_t offset, std::uint64_t length,
+              httplib::DataSink& sink) noexcept {
+  try {
+    if (body.reader() == nullptr) return sink.write(body.data() + offset, length);
+    std::vector<std::byte> piece(std::min<std::uint64_t>(length, kStreamBytes));
+    if (!body.reader()(offset, piece)) return false;
+    return sink.write(reinterpret_cast<const char*>(piece.data()), piece.size());
+  } catch (...) {
+    return false;
+  }
+}
+
+std::string RemoteAddress(int fd) {
+  sockaddr_storage address{};
+  socklen_t size = sizeof(address);
+  char text[NI_MAXHOST];
+  if (getpeername(fd, reinterpret_cast<sockaddr*>(&address), &size) != 0 ||
+      getnameinfo(reinterpret_cast<sockaddr*>(&address), size, text, sizeof(text), nullptr, 0,
+                  NI_NUMERICHOST) != 0) {
+    return {};
+  }
+  return text;
+}
+
+}  // namespace
+
+class HttpServer::Impl final : public httplib::Server {
+ public:
+  Impl(HttpServerOptions options, HttpHandler& handler)
+      : options_(std::move(options)),
+        handler_(handler),
+        pool_(options_.max_connections,
+              [this](int fd, ConnectionPool::Slot& slot) { Serve(fd, slot); }) {
+    new_task_queue = [] { return new ImmediateQueue; };  // the library deletes it
+    set_tcp_nodelay(true);
+    // Not SO_REUSEPORT, the library's default, with which a second daemon would share the port in
+    // silence.
+    set_socket_options([](socket_t socket) {
+      const int yes = 1;
+      setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+    });
+    set_pre_routing_handler([this](const httplib::Request&, httplib::Response& answer) {
+      FillAnswer(answer);
+      return HandlerResponse::Handled;
+    });
+    // The library's own way is to send the text of the exception. Left for one that was thrown
+    // while a problem was made.
+    set_exception_handler(
+        [](const httplib::Request&, httplib::Response& answer, const std::exception_ptr&) {
+          answer.status = 500;
+          current_.exchange->response().close = true;
+        });
+    set_post_routing_handler(
+        [](const httplib::Request&, httplib::Response& answer) { FinishHeaders(answer); });
+  }
+  ~Impl() override { Stop(); }
+
+  std::optional<std::string> Bind() {
+    errno = 0;
+    if (options_.port == 0) {
+      port_ = bind_to_any_port(options_.host);
+    } else {
+      port_ = bind_to_port(options_.host, options_.port) ? options_.port : -1;
+    }
+    if (port_ < 0) {
+      const std::string reason = errno == 0 ? "no such address" : std::strerror(errno);
+      return "cannot listen on " + options_.host + ":" + std::to_string(options_.port) + ": " +
+             reason;
+    }
+    // The library listens with a backlog of 5; bursts would wait for seconds.
+    ::listen(svr_sock_, kBacklog);
+    listener_ = fcntl(svr_sock_, F_DUPFD_CLOEXEC, 0);
+    if (listener_ < 0) return "cannot listen: " + std::string(std::strerror(errno));
+    return std::nullopt;
+  }
+  int port() const { return port_; }
+
+  void Start() {
+    accept_thread_ = std::thread([this] { AcceptUntilStopped(); });
+  }
+  void Drain() { pool_.Drain(); }
+  bool WaitUntilIdle(Clock::time_point deadline) { return pool_.WaitUntilEmpty(deadline); }
+
+  void Stop() {
+    stopping_ = true;
+    // Every accept() on the socket, now and later, returns with an error.
+    if (listener_ >= 0) shutdown(listener_, SHUT_RDWR);
+    if (accept_thread_.joinable()) accept_thread_.join();
+    pool_.Stop();
+    if (const socket_t socket = svr_sock_.exchange(INVALID_SOCKET); socket != INVALID_SOCKET) {
+      close(socket);
+    }
+    if (listener_ >= 0) close(std::exchange(listener_, -1));
+  }
+
+ private:
+  /// The library gives up its socket when accept() reports what passes, such as a full table of
+  /// files (ENFILE) or a client that left early (ECONNABORTED). The socket lives on in listener_
+  /// with all that waits in its queue; hand it out again.
+  void AcceptUntilStopped() {
+    while (!stopping_) {
+      listen_after_bind();
+      svr_sock_ = INVALID_SOCKET;  // closed by the library
+      while (!stopping_) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        const int socket = fcntl(listener_, F_DUPFD_CLOEXEC, 0);
+        if (socket < 0) continue;  // no descriptor to be had: the same trouble
+        svr_sock_ = socket;
+        break;
+      }
+    }
+  }
+
+  bool process_and_close_socket(socket_t socket) override {
+    fcntl(socket, F_SETFD, FD_CLOEXEC);
+    const int yes = 1;
+    setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof(yes));
+    pool_.Accept(socket);
+    return true;
+  }
+
+  /// The life of one connection.
+  void Serve(int fd, ConnectionPool::Slot& slot) noexcept {
+    try {
+      Connection connection(fd);
+      const std::string remote_addr = RemoteAddress(fd);
+      auto wait = options_.head_timeout;  // a new connection is expected to speak
+      while (ServeOne(connection, slot, remote_addr, wait) && slot.BecomeIdle()) {
+        wait = options_.idle_timeout;
+      }
+    } catch (...) {
+      // Out of memory outside of a request: the connection is lost, nothing else.
+    }
+  }
+
+  /// False when the connection is to be closed.
+  bool ServeOne(Connection& connection, ConnectionPool::Slot& slot, const std::string& remote_addr,
+                std::chrono::milliseconds wait) {
+    Exchange exchange(connection, watch_, options_.body_pace);
+    exchange.set_remote_addr(remote_addr);
+    if (slot.shed()) {
+      exchange.Refuse({{},
+                       Problem{.code = ErrorCode::kOverloaded,
+                               .detail = "there are as many connections as this server takes",
+                               .limit = static_cast<double>(options_.max_connections),
+                               .retry_after_s = 1}});
+    } else {
+      if (connection.WaitForByte(Clock::now() + wait) != Connection::Read::kDone ||
+          !slot.BecomeBusy() || !ReadHead(connection, exchange)) {
+        return false;
+      }
+    }
+    const auto start = Clock::now();
+    connection.BeginWrite(options_.answer_pace);
+    current_ = {.exchange = &exchange, .slot = &slot};
+    LibraryStream stream(connection,
+                         exchange.is_head() ? "HEAD / HTTP/1.1\r\n\r\n" : "GET / HTTP/1.1\r\n\r\n");
+    bool library_closes = false;
+    const bool written = process_request(stream, false, library_closes, nullptr);
+    current_ = {};
+    exchange.set_complete(connection.Flush() && written);
+    handler_.Answered(exchange.Record(start));
+    if (exchange.response().close || !written) {
+      connection.CloseGently();
+      return false;
+    }
+    connection.EndRequest();
+    return true;
+  }
+
+  /// False when the client left without a request.
+  bool ReadHead(Connection& connection, Exchange& exchange) {
+    switch (connection.ReadHead(Clock::now() + options_.head_timeout, options_.head.bytes)) {
+      case Connection::Read::kDone: {
+        auto parsed = ParseRequestHead(connection.head(), options_.head);
+        if (auto* head = std::get_if<RequestHead>(&parsed)) {
+          exchange.Accept(std::move(*head));
+        } else {
+          exchange.Refuse(std::get<RefusedHead>(std::move(parsed)));
+        }
+        return true;
+      }
+      case Connection::Read::kTimeout:
+        exchange.Refuse({{},
+                         Problem{.code = ErrorCode::kRequestTimeout,
+                                 .detail = "the head of the request was not complete in time"}});
+        return true;
+      case Connection::Read::kTooLarge:
+        exchange.Refuse({{}, TooLarge(connection.head())});
+        return true;
+      case Connection::Read::kClosed:
+        return false;
+    }
+    return false;
+  }
+
+  Problem TooLarge(std::string_view head) const {
+    const bool in_request_line =
+        head.substr(0, options_.head.uri_bytes).find('\n') == std::string_view::npos;
+    const std::size_t limit = in_request_line ? options_.head.uri_bytes : options_.head.bytes;
+    return Problem{.code = in_request_line ? ErrorCode::kUriTooLong : ErrorCode::kHeadersTooLarge,
+                   .detail = (in_request_line ? "the request line is longer than "
+                                              : "the head is longer than ") +
+                             std::to_string(limit) + " bytes",
+                   .limit = static_cast<double>(limit)};
+  }
+
+  /// The library's only handler: makes the answer to the exchange that this thread is in.
+  void FillAnswer(httplib::Response& answer) {
+    Exchange& exchange = *current_.exchange;
+    exchange.Answer(handler_);
+    HttpResponse& response = exchange.response();
+    response.close = response.close || current_.slot->must_close();
+    answer.status = response.status;
+    std::string content_type;
+    for (const auto& [name, value] : response.headers.fields()) {
+      if (EqualsIgnoringCase(name, "Content-Type")) {
+        content_type = value;
+      } else {
+        answer.set_header(name, value);  // drops a value with CR or LF in it
+      }
+    }
+    answer.set_header("Date", HttpDate());
+    if (response.body.size() > 0) {
+      answer.set_content_provider(
+          response.body.size(), content_type,
+          [&body = response.body](size_t offset, size_t length, httplib::DataSink& sink) {
+            return SendBody(body, offset, length, sink);
+          });
+    }
+  }
+
+  /// Undoes what the library adds by itself.
+  static void FinishHeaders(httplib::Response& answer) {
+    answer.headers.erase("Keep-Alive");
+    answer.headers.erase("Accept-Ranges");
+    answer.headers.erase("Connection");
+    if (current_.exchange->response().close) answer.set_header("Connection", "close");
+    // RFC 9110, 8.6: never in a 204; in a 304 it would speak of the answer that was not sent.
+    if (answer.status == 204 || answer.status == 304) answer.headers.erase("Content-Length");
+  }
+
+  struct Current {
+    Exchange* exchange = nullptr;
+    const ConnectionPool::Slot* slot = nullptr;
+  };
+  /// The library's handlers are not told the connection; a thread serves one at a time.
+  static thread_local Current current_;
+
+  const HttpServerOptions options_;
+  HttpHandler& handler_;
+  DepartureWatch watch_;
+  ConnectionPool pool_;  ///< after what its threads use
+  int port_ = -1;
+  int listener_ = -1;
+  std::atomic<bool> stopping_{false};
+  std::thread accept_thread_;
+};
+
+thread_local HttpServer::Impl::Current HttpServer::Impl::current_;
+
+HttpServer::HttpServer(HttpServerOptions options, HttpHandler& handler)
+    : impl_(std::make_unique<Impl>(std::move(options), handler)) {}
+HttpServer::~HttpServer() = default;
+std::optional<std::string> HttpServer::Bind() { return impl_->Bind(); }
+int HttpServer::port() const { return impl_->port(); }
+void HttpServer::Start() { impl_->Start(); }
+void HttpServer::Drain() { impl_->Drain(); }
+bool HttpServer::WaitUntilIdle(std::chrono::steady_clock::time_point deadline) {
+  return impl_->WaitUntilIdle(deadline);
+}
+void HttpServer::Stop() { impl_->Stop(); }
+
+}  // namespace kdray::server

@@ -1,0 +1,58 @@
+// A client that sends exactly the bytes it is told to, for requests that no proper client would
+// make.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace kdray::test {
+
+struct RawAnswer {
+  int status = 0;
+  std::multimap<std::string, std::string> headers;  ///< names in lower case
+  std::string body;
+
+  /// The first value of that name (lower case), or empty.
+  std::string Header(const std::string& name) const;
+};
+
+class RawClient {
+ public:
+  /// Connects to 127.0.0.1. Fails the test when it cannot.
+  explicit RawClient(int port);
+  ~RawClient();
+  RawClient(const RawClient&) = delete;
+  RawClient& operator=(const RawClient&) = delete;
+
+  /// False when the server has closed the connection.
+  bool Send(std::string_view bytes);
+  /// The next answer; none when the connection ends or `timeout` passes before it is complete.
+  /// `to_head` says that the request was a HEAD: no body follows.
+  std::optional<RawAnswer> Read(std::chrono::milliseconds timeout = std::chrono::seconds(10),
+                                bool to_head = false);
+  /// True when the server closes within `timeout`; bytes until then are dropped.
+  bool IsClosed(std::chrono::milliseconds timeout = std::chrono::seconds(10));
+  /// Nothing more will be sent; reading goes on.
+  void ShutdownWrite();
+  void Close();
+
+ private:
+  bool Fill(std::chrono::steady_clock::time_point deadline);
+
+  int fd_ = -1;
+  std::string buffer_;
+};
+
+/// One request over a connection of its own.
+std::optional<RawAnswer> Ask(int port, std::string_view request, bool is_head = false);
+
+/// `METHOD path HTTP/1.1` with Host, the given header lines (each with its CR LF) and, when there
+/// is one, a body with its length.
+std::string MakeRequest(std::string_view method, std::string_view path, std::string_view body = {},
+                        std::string_view header_lines = {});
+
+}  // namespace kdray::test
