@@ -1,0 +1,86 @@
+#include "server/admission.h"
+
+#include <algorithm>
+#include <chrono>
+#include <string>
+
+namespace kdray::server {
+namespace {
+
+using api::ErrorCode;
+using api::Problem;
+using Clock = std::chrono::steady_clock;
+
+constexpr int kRetryAfterSeconds = 1;
+/// A client's departure sets a flag and wakes nobody here; waiters look at it this often.
+constexpr std::chrono::milliseconds kLook{50};
+
+}  // namespace
+
+api::Outcome<Admission::Turn> Admission::Enter(const core::CancelToken& cancel) {
+  const auto start = Clock::now();
+  std::unique_lock lock(mutex_);
+  if (running_ >= max_running_ || !queue_.empty()) {
+    if (queue_.size() >= max_queued_) {
+      return Problem{.code = ErrorCode::kOverloaded,
+                     .detail = "there is as much work running and waiting as this server takes",
+                     .limit = static_cast<double>(max_running_ + max_queued_),
+                     .retry_after_s = kRetryAfterSeconds};
+    }
+    const auto place = queue_.emplace(queue_.end());
+    while (running_ >= max_running_ || place != queue_.begin()) {
+      if (cancel.ShouldStop()) {
+        queue_.erase(place);
+        changed_.notify_all();
+        return Problem{.code = ErrorCode::kDeadlineExceeded,
+                       .detail = "the request's turn did not come in time"};
+      }
+      changed_.wait_until(lock, std::min(cancel.deadline(), Clock::now() + kLook));
+    }
+    queue_.erase(place);
+    changed_.notify_all();
+  }
+  ++running_;
+  return Turn(this, std::chrono::duration<double, std::milli>(Clock::now() - start).count());
+}
+
+void Admission::Leave() {
+  const std::lock_guard lock(mutex_);
+  --running_;
+  changed_.notify_all();
+}
+
+std::size_t Admission::running() const {
+  const std::lock_guard lock(mutex_);
+  return running_;
+}
+
+std::size_t Admission::queued() const {
+  const std::lock_guard lock(mutex_);
+  return queue_.size();
+}
+
+api::Outcome<MemoryBudget::Share> MemoryBudget::Take(std::uint64_t bytes) {
+  const std::lock_guard lock(mutex_);
+  if (used_ > 0 && bytes > limit_ - std::min(limit_, used_)) {
+    return Problem{.code = ErrorCode::kMemoryFull,
+                   .detail = "the requests under way hold the memory that this one needs",
+                   .limit = static_cast<double>(limit_),
+                   .actual = static_cast<double>(used_) + static_cast<double>(bytes),
+                   .retry_after_s = kRetryAfterSeconds};
+  }
+  used_ += bytes;
+  return Share(this, bytes);
+}
+
+void MemoryBudget::Return(std::uint64_t bytes) {
+  const std::lock_guard lock(mutex_);
+  used_ -= bytes;
+}
+
+std::uint64_t MemoryBudget::used() const {
+  const std::lock_guard lock(mutex_);
+  return used_;
+}
+
+}  // namespace kdray::server

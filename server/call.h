@@ -1,0 +1,56 @@
+// What a handler works with: the request, the services behind it, and the times it reports.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "api/limits.h"
+#include "server/admission.h"
+#include "server/engine.h"
+#include "server/http/message.h"
+
+namespace kdray::server {
+
+/// Milliseconds of the parts of an answer, for the Server-Timing header.
+struct ServerTiming {
+  double queue_ms = 0;
+  std::optional<double> parse_ms, build_ms, trace_ms, encode_ms;
+
+  std::string Format() const;
+};
+
+/// Milliseconds since it was made.
+class Stopwatch {
+ public:
+  double ms() const {
+    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_)
+        .count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+/// What every handler may use; all of it safe from many threads at once.
+struct Services {
+  Engine& engine;
+  const api::Limits& limits;
+  Admission& admission;
+  MemoryBudget& memory;
+  const std::atomic<bool>& draining;  ///< the daemon is about to end
+  bool with_tokens = false;  ///< answers are for one client: caches between must not keep them
+};
+
+/// One request on its way through a handler.
+struct Call {
+  const HttpRequest& request;
+  std::string_view name;  ///< what stood in the path where the route has {…}
+  ServerTiming timing;
+};
+
+using Handler = api::Outcome<HttpResponse> (*)(const Services&, Call&);
+
+}  // namespace kdray::server

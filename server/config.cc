@@ -1,0 +1,113 @@
+#include "server/config.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <limits>
+#include <sstream>
+#include <thread>
+
+namespace kdray::server {
+namespace {
+
+/// --data-dir as KDRAY_DATA_DIR.
+std::string EnvironmentName(const std::string& option) {
+  std::string name = "KDRAY_";
+  for (const char c : option.substr(2)) {
+    name += c == '-' ? '_' : static_cast<char>(c >= 'a' && c <= 'z' ? c - 'a' + 'A' : c);
+  }
+  return name;
+}
+
+/// CLI11 2.1 takes "abc" in an environment variable for an option that was not given; here it is a
+/// mistake as on the command line, which its own conversion reports.
+class Options {
+ public:
+  explicit Options(CLI::App& app) : app_(app) {}
+
+  template <class T>
+  CLI::Option* Add(const std::string& name, T& value, const std::string& help) {
+    return app_.add_option(name, value, help)->envname(EnvironmentName(name));
+  }
+  /// Bytes, with or without a unit: 1048576, 1MiB, 4GB.
+  template <class T>
+  CLI::Option* AddSize(const std::string& name, T& value, const std::string& help) {
+    return Add(name, value, help)->transform(CLI::AsSizeValue(true))->type_name("SIZE");
+  }
+
+ private:
+  CLI::App& app_;
+};
+
+}  // namespace
+
+std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv) {
+  Config config;
+  config.threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  std::optional<std::size_t> max_running;
+  std::string data_dir = config.data_dir, token_file;
+
+  CLI::App app(
+      "kdrayd: ray queries and renders over meshes, by HTTP. Every option may also be set in the "
+      "environment, "
+      "--data-dir as KDRAY_DATA_DIR and so on.",
+      "kdrayd");
+  app.set_version_flag("--version", "kdrayd " KDRAY_VERSION);
+  app.get_formatter()->column_width(34);
+  Options options(app);
+  const auto count = [](std::uint64_t max) { return CLI::Range(std::uint64_t{1}, max); };
+  constexpr std::uint64_t kMany = 1'000'000'000;
+
+  options.Add("--host", config.host, "address to listen on")->capture_default_str();
+  options.Add("--port", config.port, "port; 0 picks a free one")
+      ->check(CLI::Range(0, 65535))
+      ->capture_default_str();
+  options.Add("--data-dir", data_dir, "where meshes and trees are kept")
+      ->type_name("DIR")
+      ->capture_default_str();
+  options.Add("--threads", config.threads, "threads for queries, and as many for builds")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  options.AddSize("--memory-limit", config.memory_limit_bytes,
+                  "memory for meshes, trees and requests (default 4GiB)");
+  options.AddSize("--store-limit", config.store_limit_bytes,
+                  "disk space for meshes and trees (default: all there is)");
+  options.AddSize("--max-upload", config.limits.max_upload_bytes, "largest mesh (default 1GiB)");
+  options.Add("--max-rays", config.limits.max_rays, "rays in a batch")
+      ->check(count(kMany))
+      ->capture_default_str();
+  options.Add("--max-pixels", config.limits.max_pixels, "pixels of an image")
+      ->check(count(std::uint64_t{1} << 30))
+      ->capture_default_str();
+  options.Add("--max-connections", config.max_connections, "connections at the same time")
+      ->check(count(100'000))
+      ->capture_default_str();
+  options
+      .Add("--max-running", max_running,
+           "queries and renders computed at the same time (default: --threads, at least 2)")
+      ->check(count(1024));
+  options.Add("--max-queued", config.max_queued, "queries and renders that wait for their turn")
+      ->check(CLI::Range(std::uint64_t{0}, kMany))
+      ->capture_default_str();
+  options.Add("--token-file", token_file, "tokens that clients must send, one a line")
+      ->type_name("FILE");
+  options
+      .Add("--drain-timeout-ms", config.drain_timeout_ms,
+           "time that requests under way get to finish after SIGTERM")
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{3'600'000}))
+      ->capture_default_str();
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& stop) {
+    std::ostringstream out, err;
+    const int code = app.exit(stop, out, err);
+    return code == 0 ? ConfigExit{0, out.str()} : ConfigExit{2, err.str()};
+  }
+  config.data_dir = data_dir;
+  config.token_file = token_file;
+  config.max_running =
+      max_running.value_or(std::max<std::size_t>(2, static_cast<std::size_t>(config.threads)));
+  return config;
+}
+
+}  // namespace kdray::server

@@ -1,0 +1,44 @@
+// The command line and the environment.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <variant>
+
+#include "api/limits.h"
+
+namespace kdray::server {
+
+struct Config {
+  std::string host = "127.0.0.1";
+  int port = 8080;  ///< 0 picks a free one
+  std::filesystem::path data_dir = "kdray-data";
+  int threads = 1;  ///< default: as many as the machine runs at once
+  std::uint64_t memory_limit_bytes = std::uint64_t{4} << 30;
+  std::optional<std::uint64_t> store_limit_bytes;
+  api::Limits limits;
+  std::size_t max_connections = 1024;
+  std::size_t max_running = 2;  ///< default: threads, at least 2
+  std::size_t max_queued = 128;
+  std::filesystem::path token_file;  ///< empty: no tokens
+  std::int64_t drain_timeout_ms = 25000;
+
+  /// Meshes, trees and builds get three quarters of the memory, requests under way the rest.
+  std::uint64_t EngineMemoryBytes() const { return memory_limit_bytes / 4 * 3; }
+  std::uint64_t RequestMemoryBytes() const { return memory_limit_bytes / 4; }
+};
+
+/// A command line that ends the program: --help and --version with 0, a wrong option with 2.
+struct ConfigExit {
+  int code = 0;
+  std::string output;  ///< for standard output when code is 0, else for standard error
+};
+
+/// `--data-dir DIR` may also stand in the environment as KDRAY_DATA_DIR, and so on for every
+/// option; the command line wins.
+std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv);
+
+}  // namespace kdray::server

@@ -1,0 +1,123 @@
+#include "server/handlers/answers.h"
+
+#include <algorithm>
+#include <span>
+#include <utility>
+
+#include "core/base/hash.h"
+
+namespace kdray::server {
+namespace {
+
+using api::ErrorCode;
+using api::Problem;
+
+/// Body, rows and answer of a batch are of about one size.
+constexpr std::uint64_t kMemoryPerBodyByte = 3;
+/// Memory is touched as the body arrives, not as a client declares it.
+constexpr std::size_t kBodyPieceBytes = std::size_t{1} << 20;
+
+std::string_view Trim(std::string_view text) {
+  const auto first = text.find_first_not_of(" \t");
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(" \t") - first + 1);
+}
+
+}  // namespace
+
+api::Outcome<RequestBody> ReadWholeBody(const Services& services, const Call& call,
+                                        std::uint64_t max_bytes) {
+  HttpPeer& peer = *call.request.peer;
+  const std::uint64_t size = peer.body_size();
+  if (size > max_bytes) {
+    return Problem{.code = ErrorCode::kBodyTooLarge,
+                   .detail = "the body has " + std::to_string(size) + " bytes, at most " +
+                             std::to_string(max_bytes) + " are taken here",
+                   .limit = static_cast<double>(max_bytes),
+                   .actual = static_cast<double>(size)};
+  }
+  auto share = services.memory.Take(size * kMemoryPerBodyByte);
+  if (!share) return std::move(share).problem();
+  RequestBody body{.text = {}, .share = *std::move(share)};
+  while (body.text.size() < size) {
+    const std::size_t before = body.text.size();
+    const auto piece =
+        static_cast<std::size_t>(std::min<std::uint64_t>(size - before, kBodyPieceBytes));
+    body.text.resize(before + piece);
+    const auto count = peer.ReadBody(std::as_writable_bytes(std::span(body.text)).subspan(before));
+    if (!count) return count.problem();
+    body.text.resize(before + *count);
+  }
+  return body;
+}
+
+api::Check RefuseBody(const Call& call) {
+  const std::uint64_t size = call.request.peer->body_size();
+  if (size == 0) return std::nullopt;
+  return Problem{.code = ErrorCode::kMalformedRequest,
+                 .detail = "this request takes no body",
+                 .limit = 0.0,
+                 .actual = static_cast<double>(size)};
+}
+
+void SetCaching(HttpResponse& response, const Services& services, Caching caching) {
+  const std::string who = services.with_tokens ? "private" : "public";
+  switch (caching) {
+    case Caching::kForever:
+      return response.headers.Set("Cache-Control", who + ", max-age=31536000, immutable");
+    case Caching::kHour:
+      return response.headers.Set("Cache-Control", who + ", max-age=3600");
+    case Caching::kRevalidate:
+      return response.headers.Set("Cache-Control", "no-cache");
+    case Caching::kNever:
+      return response.headers.Set("Cache-Control", "no-store");
+  }
+}
+
+std::string MakeEtag(std::string_view what, std::string_view tree_id, std::string_view query) {
+  std::string text = KDRAY_VERSION;
+  for (const std::string_view part : {what, tree_id, query}) {
+    text += '\n';
+    text += part;
+  }
+  return Quoted(core::HashBytes(std::as_bytes(std::span(text))).ToHex().substr(0, 32));
+}
+
+std::string Quoted(std::string_view tag) {
+  std::string etag(1, '"');
+  etag += tag;
+  etag += '"';
+  return etag;
+}
+
+bool ClientHas(const HttpRequest& request, std::string_view etag) {
+  std::string_view list = request.headers.Find("If-None-Match").value_or(std::string_view());
+  while (!list.empty()) {
+    const auto comma = list.find(',');  // our tags hold none
+    std::string_view tag = Trim(list.substr(0, comma));
+    if (tag == "*") return true;
+    // The comparison is the weak one: a cache that changed the coding still has our bytes.
+    if (tag.starts_with("W/")) tag.remove_prefix(2);
+    if (tag == etag) return true;
+    list.remove_prefix(comma == std::string_view::npos ? list.size() : comma + 1);
+  }
+  return false;
+}
+
+HttpResponse NotModified(const Services& services, std::string_view etag, Caching caching) {
+  HttpResponse response;
+  response.status = 304;
+  response.headers.Add("ETag", etag);
+  SetCaching(response, services, caching);
+  return response;
+}
+
+HttpResponse JsonAnswer(int status, std::string json) {
+  HttpResponse response;
+  response.status = status;
+  response.body = std::move(json);
+  response.headers.Add("Content-Type", "application/json");
+  return response;
+}
+
+}  // namespace kdray::server

@@ -1,0 +1,50 @@
+// What handlers share: reading bodies, and the headers of answers that say how long they keep.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "server/call.h"
+
+namespace kdray::server {
+
+/// A body in memory, with its share of the memory of requests.
+struct RequestBody {
+  std::string text;
+  MemoryBudget::Share share;
+};
+
+/// body_too_large beyond `max_bytes`, memory_full, or what ReadBody() of the peer says; all but the
+/// last before a byte is read. Reserves several times the body, for what is made from it (rows in
+/// memory, the answer).
+api::Outcome<RequestBody> ReadWholeBody(const Services& services, const Call& call,
+                                        std::uint64_t max_bytes);
+
+/// For requests that take no body although their method does: malformed_request when there is one.
+api::Check RefuseBody(const Call& call);
+
+/// How long, and by whom, an answer may be kept.
+enum class Caching : std::uint8_t {
+  kForever,     ///< the bytes behind this path never change
+  kHour,        ///< nor do they here, but a new version may compute them anew
+  kRevalidate,  ///< ask each time
+  kNever,
+};
+void SetCaching(HttpResponse& response, const Services& services, Caching caching);
+
+/// A strong validator, quoted, over all that the answer's bytes depend on. The version is added here.
+std::string MakeEtag(std::string_view what, std::string_view tree_id, std::string_view query);
+
+/// `tag` as a strong validator.
+std::string Quoted(std::string_view tag);
+
+/// True when If-None-Match names `etag` or is `*` (RFC 9110, 13.1.2).
+bool ClientHas(const HttpRequest& request, std::string_view etag);
+
+/// 304: what the client has still holds.
+HttpResponse NotModified(const Services& services, std::string_view etag, Caching caching);
+
+HttpResponse JsonAnswer(int status, std::string json);
+
+}  // namespace kdray::server

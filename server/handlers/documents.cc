@@ -1,0 +1,106 @@
+#include "server/handlers/documents.h"
+
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "api/answer_codec.h"
+#include "api/errors.h"
+#include "api/openapi_document.h"
+#include "api/request_codec.h"
+#include "server/handlers/answers.h"
+#include "server/pages/contract_page.h"
+#include "server/pages/html.h"
+#include "server/pages/viewer_page.h"
+
+namespace kdray::server {
+namespace {
+
+using api::ErrorCode;
+using api::Problem;
+
+constexpr int kReadyRetryAfterSeconds = 2;
+
+/// Pages of ours that hold text and style only.
+constexpr std::string_view kTextPagePolicy =
+    "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'";
+
+HttpResponse HtmlAnswer(const Services& services, HttpBody body, std::string_view policy) {
+  HttpResponse response;
+  response.body = std::move(body);
+  response.headers.Add("Content-Type", "text/html; charset=utf-8");
+  response.headers.Add("Content-Security-Policy", policy);
+  response.headers.Add("Referrer-Policy", "no-referrer");
+  SetCaching(response, services, Caching::kRevalidate);
+  return response;
+}
+
+}  // namespace
+
+api::Outcome<HttpResponse> GetPage(const Services& services, Call& call) {
+  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+  return HtmlAnswer(services, HttpBody::Static(ViewerPage()), ViewerPagePolicy());
+}
+
+api::Outcome<HttpResponse> GetHealth(const Services& services, Call& call) {
+  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+  HttpResponse response = JsonAnswer(200, R"({"status":"ok"})");
+  SetCaching(response, services, Caching::kNever);
+  return response;
+}
+
+api::Outcome<HttpResponse> GetReadiness(const Services& services, Call& call) {
+  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+  if (services.draining) {
+    return Problem{.code = ErrorCode::kDraining,
+                   .detail = "this server is shutting down",
+                   .retry_after_s = kReadyRetryAfterSeconds};
+  }
+  if (!services.engine.IsReady()) {
+    return Problem{.code = ErrorCode::kOverloaded,
+                   .detail = "this server is still reading in what it stores",
+                   .retry_after_s = kReadyRetryAfterSeconds};
+  }
+  HttpResponse response = JsonAnswer(200, R"({"status":"ready"})");
+  SetCaching(response, services, Caching::kNever);
+  return response;
+}
+
+api::Outcome<HttpResponse> GetCapabilities(const Services& services, Call& call) {
+  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+  HttpResponse response = JsonAnswer(200, api::EncodeCapabilities(KDRAY_VERSION, services.limits));
+  SetCaching(response, services, Caching::kRevalidate);
+  return response;
+}
+
+api::Outcome<HttpResponse> GetOpenApi(const Services& services, Call& call) {
+  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+  HttpResponse response;
+  response.body = HttpBody::Static(api::OpenApiJson());
+  response.headers.Add("Content-Type", "application/json");
+  SetCaching(response, services, Caching::kRevalidate);
+  return response;
+}
+
+api::Outcome<HttpResponse> GetDocs(const Services& services, Call& call) {
+  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+  static const std::string page = MakeContractPage(api::OpenApiJson());
+  return HtmlAnswer(services, HttpBody::Static(page), kTextPagePolicy);
+}
+
+api::Outcome<HttpResponse> GetProblemPage(const Services& services, Call& call) {
+  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+  const auto code = api::ParseErrorCode(call.name);
+  if (!code) {
+    return Problem{.code = ErrorCode::kNotFound, .detail = "there is no problem of this name"};
+  }
+  const api::ErrorRow& row = api::RowOf(*code);
+  const std::string body = "<h1>" + EscapeHtml(row.title) + "</h1>\n<p><code>" +
+                           EscapeHtml(row.name) + "</code>, HTTP status " +
+                           std::to_string(row.status) + "</p>\n<p>" + EscapeHtml(row.meaning) +
+                           "</p>\n<p><a href=\"/docs#problems\">All problems</a></p>\n";
+  return HtmlAnswer(services, TextPage(row.title, body), kTextPagePolicy);
+}
+
+}  // namespace kdray::server

@@ -1,0 +1,82 @@
+#include "server/handlers/rays.h"
+
+#include <string>
+#include <utility>
+
+#include "api/batch_codec.h"
+#include "api/names.h"
+#include "api/request_codec.h"
+#include "server/handlers/answers.h"
+#include "server/handlers/work.h"
+
+namespace kdray::server {
+namespace {
+
+/// What the queries have in common. `trace(rays, cancel)` asks the engine, `encode(answer, rays,
+/// type)` makes the bytes.
+template <class Trace, class Encode>
+api::Outcome<HttpResponse> AnswerBatch(const Services& services, Call& call,
+                                       const api::RayOptions& options, const Trace& trace,
+                                       const Encode& encode) {
+  if (auto problem = CheckTree(services, call.name)) return *std::move(problem);
+  auto body = ReadWholeBody(services, call, services.limits.MaxBatchBytes());
+  if (!body) return std::move(body).problem();
+  const HttpHeaders& headers = call.request.headers;
+  const auto type = api::DetectBatchType(body->text, headers.Find("Content-Type"));
+  if (!type) return type.problem();
+  const auto answer_type = api::ChooseAnswerType(headers.Find("Accept"), *type);
+  if (!answer_type) return answer_type.problem();
+
+  const auto work = BeginWork(services, call, options.deadline_ms);
+  if (!work) return work.problem();
+  const Stopwatch parsing;
+  const auto rays = api::DecodeRays(body->text, *type, options, services.limits);
+  if (!rays) return rays.problem();
+  body->text = std::string();  // from here on the rows are enough
+  call.timing.parse_ms = parsing.ms();
+
+  const auto answer = trace(*rays, work->cancel);
+  if (!answer) return answer.problem();
+  call.timing.trace_ms = answer->trace_ms;
+
+  const Stopwatch encoding;
+  HttpResponse response;
+  response.body = encode(*answer, *rays, *answer_type);
+  call.timing.encode_ms = encoding.ms();
+  response.headers.Add("Content-Type", api::ContentType(*answer_type));
+  response.headers.Add("Vary", "Accept");
+  response.headers.Add("Kdray-Precision", api::Name(answer->precision));
+  response.headers.Add("Kdray-Invalid", std::to_string(answer->invalid.size()));
+  SetCaching(response, services, Caching::kNever);
+  return response;
+}
+
+}  // namespace
+
+api::Outcome<HttpResponse> PostRaysClosest(const Services& services, Call& call) {
+  const auto options = api::DecodeClosestOptions(call.request.query, services.limits);
+  if (!options) return options.problem();
+  return AnswerBatch(
+      services, call, *options,
+      [&](const api::RayTable& rays, const CancelToken& cancel) {
+        return services.engine.Closest(call.name, rays, *options, cancel);
+      },
+      [&](const api::ClosestAnswer& answer, const api::RayTable& rays, api::BatchType type) {
+        return api::EncodeClosest(answer, rays, *options, type);
+      });
+}
+
+api::Outcome<HttpResponse> PostRaysAny(const Services& services, Call& call) {
+  const auto options = api::DecodeAnyOptions(call.request.query, services.limits);
+  if (!options) return options.problem();
+  return AnswerBatch(
+      services, call, *options,
+      [&](const api::RayTable& rays, const CancelToken& cancel) {
+        return services.engine.Any(call.name, rays, *options, cancel);
+      },
+      [](const api::AnyAnswer& answer, const api::RayTable& rays, api::BatchType type) {
+        return api::EncodeAny(answer, rays, type);
+      });
+}
+
+}  // namespace kdray::server

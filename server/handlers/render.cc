@@ -1,0 +1,99 @@
+#include "server/handlers/render.h"
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "api/batch_codec.h"
+#include "api/names.h"
+#include "api/request_codec.h"
+#include "server/handlers/answers.h"
+#include "server/handlers/work.h"
+
+namespace kdray::server {
+namespace {
+
+enum class Image : std::uint8_t { kPng, kNpy };
+
+/// Four floats a pixel, and what the encoder needs beside them.
+constexpr std::uint64_t kMemoryPerPixel = 32;
+
+std::uint64_t Pixels(const api::RenderRequest& request) {
+  const auto area = [](std::int64_t width, std::int64_t height) {
+    return static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
+  };
+  if (!request.region) return area(request.width, request.height);
+  return area(request.region->x1 - request.region->x0, request.region->y1 - request.region->y0);
+}
+
+api::Outcome<HttpResponse> AnswerRender(const Services& services, Call& call,
+                                        const api::RenderRequest& request, Image image) {
+  const auto memory = services.memory.Take(Pixels(request) * kMemoryPerPixel);
+  if (!memory) return memory.problem();
+  const auto work = BeginWork(services, call, request.deadline_ms);
+  if (!work) return work.problem();
+  auto answer = services.engine.Render(call.name, request, image == Image::kPng, work->cancel);
+  if (!answer) return std::move(answer).problem();
+  call.timing.trace_ms = answer->trace_ms;
+
+  const Stopwatch encoding;
+  HttpResponse response;
+  if (auto* bytes = std::get_if<std::vector<std::byte>>(&answer->image)) {
+    response.body = std::move(*bytes);
+  } else {
+    response.body = api::EncodeImage(std::get<api::ImageArray>(answer->image));
+  }
+  call.timing.encode_ms = answer->encode_ms + encoding.ms();
+  response.headers.Add("Content-Type", image == Image::kPng ? "image/png" : "application/x-npy");
+  response.headers.Add("Kdray-Precision", api::Name(answer->precision));
+  return response;
+}
+
+api::Outcome<HttpResponse> Get(const Services& services, Call& call, Image image) {
+  const auto request = api::DecodeRenderQuery(call.request.query, services.limits);
+  if (!request) return request.problem();
+  if (auto problem = CheckTree(services, call.name)) return *std::move(problem);
+  const std::string etag = MakeEtag(image == Image::kPng ? "render.png" : "render.npy", call.name,
+                                    api::CanonicalQuery(*request));
+  if (ClientHas(call.request, etag)) return NotModified(services, etag, Caching::kHour);
+  auto response = AnswerRender(services, call, *request, image);
+  if (response) {
+    response->headers.Add("ETag", etag);
+    SetCaching(*response, services, Caching::kHour);
+  }
+  return response;
+}
+
+api::Outcome<HttpResponse> Post(const Services& services, Call& call, Image image) {
+  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+  if (auto problem = CheckTree(services, call.name)) return *std::move(problem);
+  const auto body = ReadWholeBody(services, call, services.limits.max_json_body_bytes);
+  if (!body) return body.problem();
+  const Stopwatch parsing;
+  const auto request =
+      api::DecodeRenderBody(body->text, call.request.headers.Find("Content-Type"), services.limits);
+  if (!request) return request.problem();
+  call.timing.parse_ms = parsing.ms();
+  auto response = AnswerRender(services, call, *request, image);
+  if (response) SetCaching(*response, services, Caching::kNever);
+  return response;
+}
+
+}  // namespace
+
+api::Outcome<HttpResponse> GetRenderPng(const Services& services, Call& call) {
+  return Get(services, call, Image::kPng);
+}
+api::Outcome<HttpResponse> PostRenderPng(const Services& services, Call& call) {
+  return Post(services, call, Image::kPng);
+}
+api::Outcome<HttpResponse> GetRenderNpy(const Services& services, Call& call) {
+  return Get(services, call, Image::kNpy);
+}
+api::Outcome<HttpResponse> PostRenderNpy(const Services& services, Call& call) {
+  return Post(services, call, Image::kNpy);
+}
+
+}  // namespace kdray::server

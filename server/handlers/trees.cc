@@ -1,0 +1,143 @@
+#include "server/handlers/trees.h"
+
+#include <algorithm>
+#include <chrono>
+#include <memory>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "api/answer_codec.h"
+#include "api/request_codec.h"
+#include "server/handlers/answers.h"
+
+namespace kdray::server {
+namespace {
+
+using api::ErrorCode;
+using api::Problem;
+
+constexpr std::size_t kUploadPieceBytes = 256 * 1024;
+
+/// Takes the mesh from the connection to the store. Refusals that need no byte of it come before
+/// the first.
+api::Outcome<MeshUpload::Stored> StoreBody(const Services& services, const Call& call,
+                                           api::Build build) {
+  HttpPeer& peer = *call.request.peer;
+  const std::uint64_t size = peer.body_size();
+  const std::uint64_t limit = services.limits.max_upload_bytes;
+  if (size > limit) {
+    return Problem{.code = ErrorCode::kMeshTooLarge,
+                   .detail = "the mesh has " + std::to_string(size) + " bytes, at most " +
+                             std::to_string(limit) + " are taken",
+                   .limit = static_cast<double>(limit),
+                   .actual = static_cast<double>(size)};
+  }
+  if (size == 0) return Problem{.code = ErrorCode::kEmptyMesh, .detail = "the body is empty"};
+
+  auto upload = services.engine.BeginUpload(size);
+  if (!upload) return std::move(upload).problem();
+  std::vector<std::byte> piece(std::min<std::uint64_t>(size, kUploadPieceBytes));
+  for (std::uint64_t taken = 0; taken < size;) {
+    const auto count = peer.ReadBody(piece);
+    if (!count) return count.problem();
+    if (auto problem = (*upload)->Append(std::span(piece).first(*count))) {
+      return *std::move(problem);
+    }
+    taken += *count;
+  }
+  return (*upload)->Finish(build);
+}
+
+api::Outcome<MeshUpload::Stored> Store(const Services& services, const Call& call,
+                                       const api::UploadRequest& request) {
+  if (!request.mesh) return StoreBody(services, call, request.build);
+  if (auto problem = RefuseBody(call)) return *std::move(problem);
+  return services.engine.BuildStored(*request.mesh, request.build);
+}
+
+/// Describes the tree once it is built, or when the client has waited long enough.
+api::Outcome<api::TreeDescription> DescribeWithin(const Services& services, const Call& call,
+                                                  std::string_view id, std::int64_t wait_ms) {
+  if (wait_ms == 0) return services.engine.Describe(id);
+  const auto cancel = CancelToken::Cancellable();
+  const auto watch = call.request.peer->CancelWhenGone(cancel);
+  return services.engine.WaitUntilBuilt(
+      id, std::chrono::steady_clock::now() + std::chrono::milliseconds(wait_ms), cancel);
+}
+
+}  // namespace
+
+api::Outcome<HttpResponse> PostTree(const Services& services, Call& call) {
+  const auto request = api::DecodeUpload(call.request.query, services.limits);
+  if (!request) return request.problem();
+
+  const Stopwatch receiving;
+  const auto stored = Store(services, call, *request);
+  if (!stored) return stored.problem();
+  call.timing.parse_ms = receiving.ms();
+
+  const auto tree = DescribeWithin(services, call, stored->id, request->wait_ms);
+  if (!tree) return tree.problem();
+  if (!stored->existed && tree->tree) {
+    *call.timing.parse_ms += tree->tree->parse_ms;
+    call.timing.build_ms = tree->tree->build_ms;
+  }
+  const int status = !tree->ready ? 202 : stored->existed ? 200 : 201;
+  HttpResponse response = JsonAnswer(status, api::EncodeDescription(*tree));
+  if (status != 200) response.headers.Add("Location", "/v1/trees/" + stored->id);
+  SetCaching(response, services, Caching::kNever);
+  return response;
+}
+
+api::Outcome<HttpResponse> ListTrees(const Services& services, Call& call) {
+  const auto request = api::DecodeList(call.request.query, services.limits);
+  if (!request) return request.problem();
+  const auto page =
+      services.engine.List(request->mesh, static_cast<std::size_t>(request->limit), request->after);
+  if (!page) return page.problem();
+  HttpResponse response = JsonAnswer(200, api::EncodePage(*page));
+  SetCaching(response, services, Caching::kRevalidate);
+  return response;
+}
+
+api::Outcome<HttpResponse> GetTree(const Services& services, Call& call) {
+  const auto request = api::DecodeDescribe(call.request.query, services.limits);
+  if (!request) return request.problem();
+  const auto tree = DescribeWithin(services, call, call.name, request->wait_ms);
+  if (!tree) return tree.problem();
+  HttpResponse response = JsonAnswer(200, api::EncodeDescription(*tree));
+  SetCaching(response, services, Caching::kRevalidate);
+  return response;
+}
+
+api::Outcome<HttpResponse> DeleteTree(const Services& services, Call& call) {
+  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+  if (auto problem = services.engine.Delete(call.name)) return *std::move(problem);
+  HttpResponse response;
+  response.status = 204;
+  SetCaching(response, services, Caching::kNever);
+  return response;
+}
+
+api::Outcome<HttpResponse> GetMesh(const Services& services, Call& call) {
+  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+  auto opened = services.engine.OpenMesh(call.name);
+  if (!opened) return std::move(opened).problem();
+  // The id begins with the digest of these very bytes.
+  const std::string etag = Quoted(call.name.substr(0, call.name.find('-')));
+  if (ClientHas(call.request, etag)) return NotModified(services, etag, Caching::kForever);
+
+  const std::shared_ptr<MeshBytes> mesh = *std::move(opened);
+  HttpResponse response;
+  response.body = HttpBody::Streamed(
+      mesh->size(),
+      [mesh](std::uint64_t offset, std::span<std::byte> out) { return mesh->Read(offset, out); });
+  response.headers.Add("Content-Type", "application/octet-stream");
+  response.headers.Add("ETag", etag);
+  SetCaching(response, services, Caching::kForever);
+  return response;
+}
+
+}  // namespace kdray::server

@@ -1,0 +1,44 @@
+#include "server/handlers/work.h"
+
+#include <chrono>
+#include <string>
+#include <utility>
+
+namespace kdray::server {
+namespace {
+
+using api::ErrorCode;
+using api::Problem;
+
+constexpr int kBuildingRetryAfterSeconds = 1;
+
+}  // namespace
+
+api::Check CheckTree(const Services& services, std::string_view id) {
+  auto tree = services.engine.Describe(id);
+  if (!tree) return std::move(tree).problem();
+  return std::nullopt;
+}
+
+api::Outcome<Work> BeginWork(const Services& services, Call& call, std::int64_t deadline_ms) {
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::milliseconds(deadline_ms);
+  auto cancel = CancelToken::WithDeadline(deadline);
+  auto watch = call.request.peer->CancelWhenGone(cancel);
+
+  // A query that waits for a build computes nothing: it takes no turn from others.
+  const auto tree = services.engine.WaitUntilBuilt(call.name, deadline, cancel);
+  if (!tree) return tree.problem();
+  if (!tree->ready) {
+    return Problem{.code = ErrorCode::kTreeBuilding,
+                   .detail = "the tree was not built within deadline_ms; " +
+                             std::to_string(static_cast<int>(tree->progress * 100)) +
+                             " percent of the work is done",
+                   .retry_after_s = kBuildingRetryAfterSeconds};
+  }
+  auto turn = services.admission.Enter(cancel);
+  if (!turn) return std::move(turn).problem();
+  call.timing.queue_ms = turn->waited_ms();
+  return Work{std::move(cancel), std::move(watch), *std::move(turn)};
+}
+
+}  // namespace kdray::server

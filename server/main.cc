@@ -1,0 +1,118 @@
+// kdrayd: reads its options, starts the engine and the server, and ends both when told to.
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdio>
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "core/base/fp_environment.h"
+#include "server/config.h"
+#include "server/core_engine.h"
+#include "server/http/http_server.h"
+#include "server/log.h"
+#include "server/service.h"
+
+namespace kdray::server {
+namespace {
+
+/// To be called before any thread is made, so that all of them leave the signals to
+/// WaitForSignal().
+sigset_t BlockStopSignals() {
+  std::signal(SIGPIPE, SIG_IGN);
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  return signals;
+}
+
+int Fail(const Log& log, const std::string& message) {
+  log.Write(LogLevel::kError, "start_failed", {{"message", message}});
+  std::cerr << "kdrayd: " << message << std::endl;
+  return 1;
+}
+
+core::Result<std::optional<BearerTokens>> ReadTokens(const std::filesystem::path& path) {
+  if (path.empty()) return std::optional<BearerTokens>();
+  std::ifstream file(path, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  if (!file.good() && !file.eof()) {
+    return core::Error{core::ErrorCode::kIo, "cannot read " + path.string()};
+  }
+  auto tokens = BearerTokens::Parse(text);
+  if (!tokens) {
+    core::Error error = tokens.error();
+    error.message = path.string() + ": " + error.message;
+    return error;
+  }
+  return std::optional<BearerTokens>(*std::move(tokens));
+}
+
+std::string Url(const std::string& host, int port) {
+  const bool is_v6 = host.find(':') != std::string::npos;
+  return "http://" + (is_v6 ? "[" + host + "]" : host) + ":" + std::to_string(port);
+}
+
+int Run(const Config& config) {
+  const sigset_t stop_signals = BlockStopSignals();
+  const Log log(STDERR_FILENO);
+  if (const auto sound = core::CheckFloatingPointEnvironment(); !sound) {
+    return Fail(log, sound.error().message);
+  }
+  auto tokens = ReadTokens(config.token_file);
+  if (!tokens) return Fail(log, tokens.error().message);
+  auto engine = MakeCoreEngine({.data_dir = config.data_dir,
+                                .threads = config.threads,
+                                .memory_limit_bytes = config.EngineMemoryBytes(),
+                                .store_limit_bytes = config.store_limit_bytes,
+                                .limits = config.limits});
+  if (!engine) return Fail(log, engine.error().message);
+
+  Service service({.limits = config.limits,
+                   .max_running = config.max_running,
+                   .max_queued = config.max_queued,
+                   .request_memory_bytes = config.RequestMemoryBytes(),
+                   .tokens = *std::move(tokens)},
+                  **engine, log);
+  HttpServerOptions http;
+  http.host = config.host;
+  http.port = config.port;
+  http.max_connections = config.max_connections;
+  HttpServer server(http, service);
+  if (const auto problem = server.Bind()) return Fail(log, *problem);
+  server.Start();
+  const std::string url = Url(config.host, server.port());
+  std::cout << "kdrayd listening on " << url << std::endl;
+  log.Write(LogLevel::kInfo, "listening", {{"url", url}, {"version", KDRAY_VERSION}});
+
+  int signal = 0;
+  while (sigwait(&stop_signals, &signal) != 0) {
+  }
+  log.Write(LogLevel::kInfo, "draining", {{"signal", static_cast<std::uint64_t>(signal)}});
+  service.Drain();
+  server.Drain();
+  const bool finished = server.WaitUntilIdle(std::chrono::steady_clock::now() +
+                                             std::chrono::milliseconds(config.drain_timeout_ms));
+  server.Stop();
+  (*engine)->Shutdown();
+  log.Write(LogLevel::kInfo, "stopped", {{"finished", finished}});
+  return 0;
+}
+
+}  // namespace
+}  // namespace kdray::server
+
+int main(int argc, char** argv) {
+  auto parsed = kdray::server::ParseConfig(argc, argv);
+  if (const auto* stop = std::get_if<kdray::server::ConfigExit>(&parsed)) {
+    (stop->code == 0 ? std::cout : std::cerr) << stop->output;
+    return stop->code;
+  }
+  return kdray::server::Run(std::get<kdray::server::Config>(parsed));
+}

@@ -1,0 +1,91 @@
+#include "server/routes.h"
+
+#include <array>
+
+#include "server/handlers/cells.h"
+#include "server/handlers/documents.h"
+#include "server/handlers/rays.h"
+#include "server/handlers/render.h"
+#include "server/handlers/trees.h"
+
+namespace kdray::server {
+namespace {
+
+constexpr std::array kRoutes = {
+    Route{.path = "/", .get = GetPage, .open = true},
+    Route{.path = "/healthz", .get = GetHealth, .open = true},
+    Route{.path = "/readyz", .get = GetReadiness, .open = true},
+    Route{.path = "/openapi.json", .get = GetOpenApi},
+    Route{.path = "/docs", .get = GetDocs},
+    Route{.path = "/problems/{code}", .get = GetProblemPage},
+    Route{.path = "/v1", .get = GetCapabilities},
+    Route{.path = "/v1/trees", .get = ListTrees, .post = PostTree},
+    Route{.path = "/v1/trees/{id}", .get = GetTree, .del = DeleteTree},
+    Route{.path = "/v1/trees/{id}/mesh", .get = GetMesh},
+    Route{.path = "/v1/trees/{id}/rays/closest", .post = PostRaysClosest},
+    Route{.path = "/v1/trees/{id}/rays/any", .post = PostRaysAny},
+    Route{.path = "/v1/trees/{id}/render.png", .get = GetRenderPng, .post = PostRenderPng},
+    Route{.path = "/v1/trees/{id}/render.npy", .get = GetRenderNpy, .post = PostRenderNpy},
+    Route{.path = "/v1/trees/{id}/cells", .get = GetCells},
+};
+
+/// The part up to the next slash; `path` keeps the rest, that slash in front.
+std::string_view TakeSegment(std::string_view& path) {
+  path.remove_prefix(1);
+  const std::string_view segment = path.substr(0, path.find('/'));
+  path.remove_prefix(segment.size());
+  return segment;
+}
+
+/// Whether the pattern describes the path; `name` becomes what stood for the segment in braces.
+bool Matches(std::string_view pattern, std::string_view path, std::string_view* name) {
+  while (!pattern.empty() && !path.empty() && path.front() == '/') {
+    const std::string_view expected = TakeSegment(pattern);
+    const std::string_view segment = TakeSegment(path);
+    if (expected.starts_with('{')) {
+      if (segment.empty()) return false;
+      *name = segment;
+    } else if (expected != segment) {
+      return false;
+    }
+  }
+  return pattern.empty() && path.empty();
+}
+
+Handler HandlerFor(const Route& route, std::string_view method) {
+  if (method == "GET" || method == "HEAD") return route.get;
+  if (method == "POST") return route.post;
+  if (method == "DELETE") return route.del;
+  return nullptr;
+}
+
+}  // namespace
+
+std::span<const Route> Routes() { return kRoutes; }
+
+std::string Allow(const Route& route) {
+  std::string methods;
+  const auto add = [&methods](Handler handler, std::string_view names) {
+    if (handler == nullptr) return;
+    if (!methods.empty()) methods += ", ";
+    methods += names;
+  };
+  add(route.get, "GET, HEAD");
+  add(route.post, "POST");
+  add(route.del, "DELETE");
+  return methods;
+}
+
+RouteMatch FindRoute(std::span<const Route> routes, std::string_view method,
+                     std::string_view path) {
+  for (const Route& route : routes) {
+    RouteMatch match;
+    if (!Matches(route.path, path, &match.name)) continue;
+    match.route = &route;
+    match.handler = HandlerFor(route, method);
+    return match;
+  }
+  return {};
+}
+
+}  // namespace kdray::server

@@ -1,0 +1,160 @@
+#include "server/service.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <random>
+#include <utility>
+
+#include "api/answer_codec.h"
+
+namespace kdray::server {
+namespace {
+
+using api::ErrorCode;
+using api::Problem;
+
+constexpr int kDrainingRetryAfterSeconds = 2;
+
+/// What a client may choose is short and cannot be mistaken for anything else in a log.
+bool IsRequestId(std::string_view text) {
+  return !text.empty() && text.size() <= 64 && std::all_of(text.begin(), text.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' ||
+           c == '_' || c == '-';
+  });
+}
+
+std::string MakeRequestId() {
+  thread_local std::mt19937_64 random{std::random_device{}()};
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string id;
+  for (std::uint64_t bits = random(); id.size() < 16; bits >>= 4) id += kDigits[bits & 15];
+  return id;
+}
+
+std::string RequestIdOf(const HttpRequest& request) {
+  const auto given = request.headers.Find("X-Request-Id");
+  return given && IsRequestId(*given) ? std::string(*given) : MakeRequestId();
+}
+
+/// What every answer says.
+void AddCommonHeaders(HttpResponse& response, const std::string& request_id,
+                      const ServerTiming& timing) {
+  response.headers.Set("Kdray-Version", KDRAY_VERSION);
+  response.headers.Set("X-Request-Id", request_id);
+  response.headers.Set("Server-Timing", timing.Format());
+  response.headers.Set("X-Content-Type-Options", "nosniff");
+}
+
+HttpResponse ProblemAnswer(const Problem& problem, const std::string& request_id) {
+  const api::ErrorRow& row = api::RowOf(problem.code);
+  HttpResponse response;
+  response.status = row.status;
+  response.error_code = row.name;
+  response.body = api::EncodeProblem(problem, request_id);
+  response.headers.Add("Content-Type", api::kProblemContentType);
+  response.headers.Add("Cache-Control", "no-store");
+  if (problem.retry_after_s) {
+    response.headers.Add("Retry-After", std::to_string(*problem.retry_after_s));
+  }
+  if (problem.code == ErrorCode::kUnauthorized) {
+    response.headers.Add("WWW-Authenticate", "Bearer");
+  }
+  return response;
+}
+
+/// Bodies are taken as they are; so far no coding is undone.
+api::Check CheckContentEncoding(const HttpRequest& request) {
+  const auto coding = request.headers.Find("Content-Encoding");
+  if (!coding || coding->empty() || EqualsIgnoringCase(*coding, "identity")) return std::nullopt;
+  return Problem{.code = ErrorCode::kUnsupportedEncoding,
+                 .detail = "the body must be sent as it is, without Content-Encoding",
+                 .parameter = "Content-Encoding"};
+}
+
+}  // namespace
+
+Service::Service(ServiceOptions options, Engine& engine, const Log& log)
+    : options_(std::move(options)),
+      log_(log),
+      admission_(options_.max_running, options_.max_queued),
+      memory_(options_.request_memory_bytes),
+      services_{.engine = engine,
+                .limits = options_.limits,
+                .admission = admission_,
+                .memory = memory_,
+                .draining = draining_,
+                .with_tokens = options_.tokens.has_value()} {}
+
+HttpResponse Service::Handle(const HttpRequest& request) {
+  const std::string request_id = RequestIdOf(request);
+  ServerTiming timing;
+  const RouteMatch match = FindRoute(options_.routes, request.method, request.path);
+  auto answer = Answer(request, match, timing);
+  HttpResponse response = answer ? *std::move(answer) : ProblemAnswer(answer.problem(), request_id);
+  if (!answer && answer.problem().code == ErrorCode::kMethodNotAllowed) {
+    response.headers.Add("Allow", Allow(*match.route));
+  }
+  AddCommonHeaders(response, request_id, timing);
+  return response;
+}
+
+api::Outcome<HttpResponse> Service::Answer(const HttpRequest& request, const RouteMatch& match,
+                                           ServerTiming& timing) const {
+  const bool open = match.route != nullptr && match.route->open;
+  if (!open && !IsAllowed(request)) {
+    return Problem{.code = ErrorCode::kUnauthorized,
+                   .detail = "send 'Authorization: Bearer TOKEN' with a token of this server"};
+  }
+  if (match.route == nullptr) {
+    return Problem{.code = ErrorCode::kNotFound,
+                   .detail = "there is nothing here; /openapi.json lists the paths there are"};
+  }
+  if (match.handler == nullptr) {
+    return Problem{.code = ErrorCode::kMethodNotAllowed,
+                   .detail = "this path takes " + Allow(*match.route)};
+  }
+  if (!open && draining_) {
+    return Problem{.code = ErrorCode::kDraining,
+                   .detail = "this server is shutting down",
+                   .retry_after_s = kDrainingRetryAfterSeconds};
+  }
+  if (auto problem = CheckContentEncoding(request)) return *std::move(problem);
+  Call call{.request = request, .name = match.name, .timing = {}};
+  auto answer = match.handler(services_, call);
+  timing = call.timing;
+  return answer;
+}
+
+bool Service::IsAllowed(const HttpRequest& request) const {
+  if (!options_.tokens) return true;
+  // Of two headers nobody knows which one a proxy in front has looked at.
+  return request.headers.Count("Authorization") == 1 &&
+         options_.tokens->Allows(request.headers.Find("Authorization"));
+}
+
+HttpResponse Service::Refuse(const HttpRequest& request, const Problem& problem) {
+  const std::string request_id = RequestIdOf(request);
+  HttpResponse response = ProblemAnswer(problem, request_id);
+  AddCommonHeaders(response, request_id, {});
+  return response;
+}
+
+void Service::Answered(const HttpRecord& record) noexcept {
+  const LogLevel level = record.status < 500    ? LogLevel::kInfo
+                         : record.status == 503 ? LogLevel::kWarning
+                                                : LogLevel::kError;
+  log_.Write(level, "request",
+             {{"method", record.method},
+              {"path", record.path},
+              {"status", static_cast<std::uint64_t>(record.status)},
+              {"code", record.error_code},
+              {"ms", record.ms},
+              {"bytes_in", record.bytes_in},
+              {"bytes_out", record.bytes_out},
+              {"complete", record.complete},
+              {"remote", record.remote_addr},
+              {"request_id", record.request_id},
+              {"cause", record.cause}});
+}
+
+}  // namespace kdray::server

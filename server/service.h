@@ -1,0 +1,55 @@
+// The service behind the adaptor: request id, token, route, handler, and the headers that every
+// answer has. Handlers return an answer or a problem; this is where problems become problem+json.
+#pragma once
+
+#include <atomic>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "api/limits.h"
+#include "server/admission.h"
+#include "server/bearer_tokens.h"
+#include "server/engine.h"
+#include "server/http/message.h"
+#include "server/log.h"
+#include "server/routes.h"
+
+namespace kdray::server {
+
+struct ServiceOptions {
+  api::Limits limits;
+  std::size_t max_running = 2;   ///< queries and renders that compute at the same time
+  std::size_t max_queued = 128;  ///< and those that wait for a turn
+  std::uint64_t request_memory_bytes = std::uint64_t{1}
+                                       << 30;  ///< for bodies, rows and images under way
+  std::optional<BearerTokens> tokens;          ///< none: everybody may do everything
+  std::span<const Route> routes = Routes();
+};
+
+class Service final : public HttpHandler {
+ public:
+  /// `engine` and `log` must outlive the service.
+  Service(ServiceOptions options, Engine& engine, const Log& log);
+
+  HttpResponse Handle(const HttpRequest& request) override;
+  HttpResponse Refuse(const HttpRequest& request, const api::Problem& problem) override;
+  void Answered(const HttpRecord& record) noexcept override;
+
+  /// From now on only open routes are answered, everything else is refused with `draining`.
+  void Drain() { draining_ = true; }
+
+ private:
+  api::Outcome<HttpResponse> Answer(const HttpRequest& request, const RouteMatch& match,
+                                    ServerTiming& timing) const;
+  bool IsAllowed(const HttpRequest& request) const;
+
+  const ServiceOptions options_;
+  const Log& log_;
+  std::atomic<bool> draining_{false};
+  Admission admission_;
+  MemoryBudget memory_;
+  const Services services_;
+};
+
+}  // namespace kdray::server
