@@ -39,20 +39,19 @@ Vec3d NewellNormal(const std::vector<Vec3d>& vertices, std::span<const std::uint
   return normal;
 }
 
-}  // namespace
-
-bool IsConvexPath(std::span<const Point2> path) {
-  const std::size_t n = path.size();
+// IsConvexPath for the points at(0) .. at(n - 1).
+template <class At>
+bool IsConvex(std::size_t n, const At& at) {
   std::size_t last = n;
-  while (last > 0 && path[last - 1] == path[0]) --last;
+  while (last > 0 && at(last - 1) == at(0)) --last;
   if (last == 0) return true;  // one position only
-  Point2 a = path[last - 1];
-  Point2 b = path[0];
+  Point2 a = at(last - 1);
+  Point2 b = at(0);
   bool has_area = false;
   bool turns_back = false;
   int reversals = 0;
   for (std::size_t i = 1; i <= n; ++i) {
-    const Point2 c = path[i == n ? 0 : i];
+    const Point2 c = at(i == n ? 0 : i);
     if (c == b) continue;
     const int turn = Orient2d(a, b, c);
     if (turn < 0) return false;
@@ -68,12 +67,31 @@ bool IsConvexPath(std::span<const Point2> path) {
   return !has_area || (!turns_back && reversals <= 2);
 }
 
+}  // namespace
+
+bool IsConvexPath(std::span<const Point2> path) {
+  return IsConvex(path.size(), [&](std::size_t i) { return path[i]; });
+}
+
 Status PolygonCutter::AddOther(std::span<const std::uint32_t> corners) {
   if (corners.size() < 3) {
     ++mesh_->dropped;
     return {};
   }
-  if (!Project(corners) || IsConvexPath(path_)) {
+  const Vec3d normal = NewellNormal(mesh_->vertices, corners);
+  const double longest = MaxAbs(normal);
+  if (!(longest > 0) || !std::isfinite(longest)) {
+    Fan(corners);
+    return {};
+  }
+  // The polygon as seen against its normal, counterclockwise, by leaving out the coordinate along
+  // which the normal is longest: no number is rounded.
+  const int axis = std::fabs(normal.x) == longest ? 0 : std::fabs(normal.y) == longest ? 1 : 2;
+  const auto seen = [&](std::size_t i) {
+    const Point2 p = DropAxis(mesh_->vertices[corners[i]], axis);
+    return normal[axis] > 0 ? p : Point2{p.y, p.x};
+  };
+  if (IsConvex(corners.size(), seen)) {
     Fan(corners);
     return {};
   }
@@ -83,22 +101,9 @@ Status PolygonCutter::AddOther(std::span<const std::uint32_t> corners) {
                      std::to_string(kMaxConcaveCorners) + " are cut"};
   }
   ++mesh_->concave;
+  corners_.assign(corners.size(), Corner{});
+  for (std::size_t i = 0; i < corners.size(); ++i) corners_[i].point = seen(i);
   return CutEars(corners);
-}
-
-// Fills path_ with the polygon as seen against its normal, counterclockwise, by dropping the
-// coordinate along which the normal is longest: no number is rounded. False without a normal.
-bool PolygonCutter::Project(std::span<const std::uint32_t> corners) {
-  const Vec3d normal = NewellNormal(mesh_->vertices, corners);
-  const double longest = MaxAbs(normal);
-  if (!(longest > 0) || !std::isfinite(longest)) return false;
-  const int axis = std::fabs(normal.x) == longest ? 0 : std::fabs(normal.y) == longest ? 1 : 2;
-  path_.clear();
-  for (const std::uint32_t corner : corners) {
-    const Point2 p = DropAxis(mesh_->vertices[corner], axis);
-    path_.push_back(normal[axis] > 0 ? p : Point2{p.y, p.x});
-  }
-  return true;
 }
 
 void PolygonCutter::Fan(std::span<const std::uint32_t> corners) {
@@ -107,17 +112,15 @@ void PolygonCutter::Fan(std::span<const std::uint32_t> corners) {
   }
 }
 
-// Ear clipping (Meisters, "Polygons Have Ears", 1975): a corner whose triangle with its neighbours
-// holds no other corner is cut, until a triangle is left. Cuts only make angles smaller, so a
-// corner that has stopped blocking, or does not block an ear, stays so until that ear's neighbours
-// change: each ear goes on where its last search stopped (Corner::scanned), and all searches
-// together are O(n^2).
+// The points are in corners_. Ear clipping (Meisters, "Polygons Have Ears", 1975): a corner whose
+// triangle with its neighbours holds no other corner is cut, until a triangle is left. Cuts only
+// make angles smaller, so a corner that has stopped blocking, or does not block an ear, stays so
+// until that ear's neighbours change: each ear goes on where its last search stopped
+// (Corner::scanned), and all searches together are O(n^2).
 Status PolygonCutter::CutEars(std::span<const std::uint32_t> corners) {
   const auto n = static_cast<std::uint32_t>(corners.size());
-  corners_.assign(n, Corner{});
   blockers_.clear();
   for (std::uint32_t i = 0; i < n; ++i) {
-    corners_[i].point = path_[i];
     corners_[i].previous = i == 0 ? n - 1 : i - 1;
     corners_[i].next = i + 1 == n ? 0 : i + 1;
   }

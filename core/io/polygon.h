@@ -57,7 +57,6 @@ class PolygonCutter {
   };
 
   Status AddOther(std::span<const std::uint32_t> corners);
-  bool Project(std::span<const std::uint32_t> corners);
   void Fan(std::span<const std::uint32_t> corners);
   Status CutEars(std::span<const std::uint32_t> corners);
   void Update(std::uint32_t corner);
@@ -67,7 +66,6 @@ class PolygonCutter {
 
   MeshData* mesh_;
   CancelToken cancel_;
-  std::vector<Point2> path_;
   std::vector<Corner> corners_;
   std::vector<std::uint32_t> blockers_;
 };

@@ -1,0 +1,183 @@
+#include "core/io/obj_reader.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "core/io/cancel_poll.h"
+#include "core/io/mesh_error.h"
+#include "core/io/parse_text.h"
+#include "core/io/polygon.h"
+
+namespace kdray::core {
+namespace {
+
+bool IsFace(std::string_view keyword) { return keyword == "f" || keyword == "fo"; }
+
+// Extensions add keywords, so whatever looks like one is skipped; binary bytes do not.
+bool IsWord(std::string_view keyword) {
+  const char first = keyword.front();
+  return (first >= 'a' && first <= 'z') || (first >= 'A' && first <= 'Z') || first == '_';
+}
+
+// The number before the first slash. What follows, numbers of texture coordinates and normals, must
+// look like that but is not used.
+std::optional<std::int64_t> ParseCorner(std::string_view word) {
+  const std::size_t slash = word.find('/');
+  if (slash == std::string_view::npos) return ParseInteger(word);
+  std::string_view rest = word.substr(slash + 1);
+  const std::size_t second = rest.find('/');
+  if (second != std::string_view::npos) {
+    const std::string_view normal = rest.substr(second + 1);
+    if (!normal.empty() && !ParseInteger(normal)) return std::nullopt;
+    rest = rest.substr(0, second);
+  }
+  if (!rest.empty() && !ParseInteger(rest)) return std::nullopt;
+  return ParseInteger(word.substr(0, slash));
+}
+
+// Three walks over the text: one counts, so that memory is taken once and exactly; one reads the
+// vertices; one the faces, whose polygons need all vertices to be cut.
+class ObjReader {
+ public:
+  ObjReader(std::string_view text, const MeshReadOptions& options)
+      : text_(text), cancel_(options.cancel), cutter_(&data_, options.cancel) {
+    data_.format = MeshFormat::kObj;
+  }
+
+  Result<MeshData> Read() {
+    for (const auto pass : {&ObjReader::Count, &ObjReader::ReadVertices, &ObjReader::ReadFaces}) {
+      if (Status status = (this->*pass)(); !status.ok()) return std::move(status).error();
+    }
+    if (data_.triangles.empty()) {
+      return Error{ErrorCode::kEmptyMesh, "the OBJ file has no face with three or more corners"};
+    }
+    return std::move(data_);
+  }
+
+ private:
+  // Calls handle(keyword, cursor) for each statement, the cursor behind the keyword.
+  template <class F>
+  Status ForEachStatement(F&& handle) {
+    TextCursor cursor(text_, {.hash_comments = true, .continuation = true});
+    while (cursor.FindLineWithWords()) {
+      const std::string_view keyword = cursor.NextWord();
+      if (Status status = handle(keyword, cursor); !status.ok()) return status;
+      cursor.NextLine();
+      if (cancel_.ShouldStop()) return cancel_.ToError();
+    }
+    return {};
+  }
+
+  Status Count() {
+    std::uint64_t vertices = 0;
+    std::uint64_t triangles = 0;
+    std::size_t most_corners = 0;
+    Status status = ForEachStatement([&](std::string_view keyword, TextCursor& cursor) -> Status {
+      if (keyword == "v") {
+        ++vertices;
+      } else if (IsFace(keyword)) {
+        std::size_t corners = 0;
+        while (!cursor.NextWord().empty()) ++corners;
+        triangles += corners < 3 ? 0 : corners - 2;
+        most_corners = std::max(most_corners, corners);
+      } else if (!IsWord(keyword)) {
+        return AtLine(cursor.line(), Quoted(keyword) + " begins no statement of an OBJ file");
+      }
+      return {};
+    });
+    if (!status.ok()) return status;
+    if (triangles > kMaxTriangles || vertices > kMaxVertices) {
+      return Error{ErrorCode::kMeshTooLarge, "the OBJ file has " + std::to_string(triangles) +
+                                                 " triangles and " + std::to_string(vertices) +
+                                                 " vertices; at most " +
+                                                 std::to_string(kMaxTriangles) + " and " +
+                                                 std::to_string(kMaxVertices) + " are allowed"};
+    }
+    data_.vertices.reserve(vertices);
+    data_.triangles.reserve(triangles);
+    corners_.reserve(most_corners);
+    return {};
+  }
+
+  Status ReadVertices() {
+    return ForEachStatement([&](std::string_view keyword, TextCursor& cursor) -> Status {
+      if (keyword != "v") return {};
+      Vec3d vertex;
+      for (int axis = 0; axis < 3; ++axis) {
+        const std::string_view word = cursor.NextWord();
+        const std::optional<double> number = ParseNumber(word);
+        if (!number) return AtLine(cursor.line(), WhyNotNumber(word));
+        vertex[axis] = *number;
+      }
+      data_.vertices.push_back(vertex);
+      return {};
+    });
+  }
+
+  Status ReadFaces() {
+    std::int64_t vertices_so_far = 0;
+    return ForEachStatement([&](std::string_view keyword, TextCursor& cursor) -> Status {
+      if (keyword == "v") ++vertices_so_far;
+      if (!IsFace(keyword)) return {};
+      corners_.clear();
+      for (;;) {
+        const std::string_view word = cursor.NextWord();
+        if (word.empty()) break;
+        const std::optional<std::int64_t> number = ParseCorner(word);
+        if (!number) return AtLine(cursor.line(), Quoted(word) + " is not a corner of a face");
+        const std::int64_t index = *number < 0 ? vertices_so_far + *number : *number - 1;
+        if (index < 0 || std::cmp_greater_equal(index, data_.vertices.size())) {
+          return AtLine(cursor.line(), WhyNoVertex(*number, vertices_so_far));
+        }
+        corners_.push_back(static_cast<std::uint32_t>(index));
+      }
+      Status status = cutter_.Add(corners_);
+      if (!status.ok()) return AtLine(cursor.line(), std::move(status).error());
+      return {};
+    });
+  }
+
+  std::string WhyNoVertex(std::int64_t number, std::int64_t vertices_so_far) const {
+    if (number == 0) return "vertex 0 does not exist; OBJ counts from 1";
+    if (number < 0) {
+      return "vertex " + std::to_string(number) + " does not exist; " +
+             std::to_string(vertices_so_far) + " vertices stand before this line";
+    }
+    return "vertex " + std::to_string(number) + " does not exist; the file has " +
+           std::to_string(data_.vertices.size());
+  }
+
+  std::string_view text_;
+  CancelPoll cancel_;
+  MeshData data_;
+  PolygonCutter cutter_;
+  std::vector<std::uint32_t> corners_;
+};
+
+}  // namespace
+
+Result<MeshData> ReadObj(std::span<const std::byte> bytes, const MeshReadOptions& options) {
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  return ObjReader(SkipByteOrderMark(text), options).Read();
+}
+
+bool IsObjKeyword(std::string_view word) {
+  // The statements of the specification (Wavefront, Advanced Visualizer appendix B1, version 3.0)
+  // and some that exporters add.
+  static constexpr std::array<std::string_view, 47> kKeywords = {
+      "v",        "vt",   "vn",    "vp",    "f",          "fo",        "l",      "p",
+      "o",        "g",    "s",     "mg",    "mtllib",     "usemtl",    "maplib", "usemap",
+      "cstype",   "deg",  "bmat",  "step",  "curv",       "curv2",     "surf",   "parm",
+      "trim",     "hole", "scrv",  "sp",    "end",        "con",       "bevel",  "c_interp",
+      "d_interp", "lod",  "ctech", "stech", "shadow_obj", "trace_obj", "call",   "csh",
+      "bsp",      "bzp",  "cdc",   "cdp",   "res",        "vw",        "vc"};
+  return std::find(kKeywords.begin(), kKeywords.end(), word) != kKeywords.end();
+}
+
+}  // namespace kdray::core

@@ -1,0 +1,23 @@
+// Wavefront OBJ.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string_view>
+
+#include "core/io/mesh_reader.h"
+
+namespace kdray::core {
+
+/// Takes `v` (the first three numbers; w and colours behind them are skipped) and `f` (`fo` is its
+/// old name; the part of a corner before the first slash; negative numbers count back from the last
+/// `v` so far; a face may precede its vertices). Other statements are skipped; points (`p`) and
+/// lines
+/// (`l`) are no triangles. Comments, line continuation, a byte order mark, any line ends. Errors
+/// carry the line; those of `v` come before those of `f`. See ReadMesh.
+Result<MeshData> ReadObj(std::span<const std::byte> bytes, const MeshReadOptions& options);
+
+/// True for a word that begins a statement of an OBJ file.
+bool IsObjKeyword(std::string_view word);
+
+}  // namespace kdray::core

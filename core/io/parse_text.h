@@ -1,0 +1,77 @@
+// Words and numbers of text mesh files, in one pass and without copies.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace kdray::core {
+
+/// Walks through a text by words and lines. A line ends with LF, CR LF or CR; words are separated
+/// by blanks and tabs. O(text) for a whole walk, whatever mix of calls.
+class TextCursor {
+ public:
+  /// What else a format's lines may hold.
+  struct Syntax {
+    bool hash_comments = false;  ///< a word that starts with # and all behind it is not there
+    bool continuation = false;   ///< a backslash at the end of a line joins the next line to it
+  };
+
+  /// `first_line`: the number of the text's first line in its file.
+  TextCursor(std::string_view text, Syntax syntax, std::uint64_t first_line = 1);
+
+  /// The next word of this line; empty at its end.
+  std::string_view NextWord();
+  /// To the beginning of the next line.
+  void NextLine();
+  /// To the first line, this one or a later one, that has a word after the cursor. False when there
+  /// is none.
+  bool FindLineWithWords();
+
+  bool AtEnd() const { return position_ >= text_.size(); }
+  std::size_t remaining() const { return text_.size() - position_; }
+  /// Number of the line that the next word is on, or, after the last word, was on.
+  std::uint64_t line() const { return line_; }
+
+ private:
+  enum class Kind : std::uint8_t { kWord, kBlank, kLineEnd };
+  static const std::array<Kind, 256> kKinds;
+  static Kind KindOf(char c) { return kKinds[static_cast<unsigned char>(c)]; }
+
+  std::size_t Find(char c) const;
+  std::size_t LineEnd();
+  void PassLineEnd();
+  void SkipBlanks();
+
+  std::string_view text_;
+  Syntax syntax_;
+  std::size_t position_ = 0;
+  std::uint64_t line_;
+  // The LF and the CR that follow, or followed when last looked for. Kept, so that a file with CR
+  // only is not searched for an LF once a line.
+  std::size_t next_lf_;
+  std::size_t next_cr_;
+};
+
+/// A whole word as a finite decimal number, rounded to the nearest double; too small a number
+/// becomes 0. Nothing for anything else: an empty or half-read word, "nan", "inf", hexadecimal, a
+/// decimal comma, a number beyond the range of double. A leading + is allowed. WhyNotNumber says
+/// which.
+std::optional<double> ParseNumber(std::string_view word);
+std::string WhyNotNumber(std::string_view word);
+
+/// A whole word as a decimal integer of 64 bits; a leading + is allowed. WhyNotInteger says what is
+/// wrong with another word.
+std::optional<std::int64_t> ParseInteger(std::string_view word);
+std::string WhyNotInteger(std::string_view word);
+
+/// The text without a UTF-8 byte order mark in front.
+std::string_view SkipByteOrderMark(std::string_view text);
+
+/// True when the word is this keyword, written in any case; `keyword` in lower case.
+bool EqualsIgnoringCase(std::string_view word, std::string_view keyword);
+
+}  // namespace kdray::core
