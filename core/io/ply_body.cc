@@ -1,0 +1,174 @@
+#include "core/io/ply_body.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstring>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "core/io/mesh_error.h"
+
+namespace kdray::core {
+
+PlyAsciiBody::PlyAsciiBody(std::string_view text, const PlyHeader& header)
+    : cursor_(text.substr(header.body), {}, header.body_line) {}
+
+bool PlyAsciiBody::Fail(Error cause) {
+  error_ = AtLine(cursor_.line(), std::move(cause));
+  return false;
+}
+
+bool PlyAsciiBody::BeginRow() {
+  return cursor_.FindLineWithWords() || Fail("the file ends before its last row");
+}
+
+bool PlyAsciiBody::EndRow() {
+  cursor_.NextLine();
+  return true;
+}
+
+bool PlyAsciiBody::ReadNumber(PlyType, double* value) {
+  const std::string_view word = cursor_.NextWord();
+  const std::optional<double> number = ParseNumber(word);
+  if (!number) return Fail(WhyNotNumber(word));
+  *value = *number;
+  return true;
+}
+
+bool PlyAsciiBody::ReadLength(const PlyProperty& list, std::uint64_t* length) {
+  std::int64_t number = 0;
+  if (!ReadIndex(*list.count_type, &number)) return false;
+  if (number < 0 || static_cast<std::uint64_t>(number) > remaining() / 2) {
+    return Fail("a list cannot have " + std::to_string(number) + " items here");
+  }
+  *length = static_cast<std::uint64_t>(number);
+  return true;
+}
+
+bool PlyAsciiBody::ReadIndex(PlyType, std::int64_t* index) {
+  const std::string_view word = cursor_.NextWord();
+  const std::optional<std::int64_t> number = ParseInteger(word);
+  if (!number) return Fail(WhyNotInteger(word));
+  *index = *number;
+  return true;
+}
+
+bool PlyAsciiBody::Skip(const PlyProperty& property) {
+  std::uint64_t count = 1;
+  if (property.IsList() && !ReadLength(property, &count)) return false;
+  return SkipItems(property.type, count);
+}
+
+bool PlyAsciiBody::SkipItems(PlyType, std::uint64_t count) {
+  for (std::uint64_t i = 0; i < count; ++i) {
+    if (cursor_.NextWord().empty()) return Fail("a number is missing");
+  }
+  return true;
+}
+
+PlyBinaryBody::PlyBinaryBody(std::string_view bytes, const PlyHeader& header)
+    : bytes_(bytes),
+      swap_((header.format == PlyFormat::kBigEndian) != (std::endian::native == std::endian::big)),
+      position_(header.body),
+      last_(header.body) {}
+
+bool PlyBinaryBody::Fail(Error cause) {
+  error_ = AtByte(last_, std::move(cause));
+  return false;
+}
+
+std::size_t PlyBinaryBody::LeastBytes(const PlyElement& element) {
+  std::size_t bytes = 0;
+  for (const PlyProperty& property : element.properties) {
+    bytes += SizeOf(property.count_type.value_or(property.type));
+  }
+  return bytes;
+}
+
+bool PlyBinaryBody::Has(std::uint64_t bytes) {
+  last_ = position_;
+  return bytes <= remaining() ||
+         Fail("the file ends here, where " + std::to_string(bytes) + " more bytes are needed");
+}
+
+template <class T>
+T PlyBinaryBody::Take() {
+  std::array<char, sizeof(T)> raw;
+  std::memcpy(raw.data(), bytes_.data() + position_, sizeof(T));
+  position_ += sizeof(T);
+  if (swap_) std::reverse(raw.begin(), raw.end());
+  return std::bit_cast<T>(raw);
+}
+
+bool PlyBinaryBody::ReadNumber(PlyType type, double* value) {
+  if (!Has(SizeOf(type))) return false;
+  switch (type) {
+    case PlyType::kFloat32:
+      *value = static_cast<double>(Take<float>());
+      return true;
+    case PlyType::kFloat64:
+      *value = Take<double>();
+      return true;
+    default: {
+      std::int64_t integer = 0;
+      if (!ReadIndex(type, &integer)) return false;
+      *value = static_cast<double>(integer);
+      return true;
+    }
+  }
+}
+
+bool PlyBinaryBody::ReadIndex(PlyType type, std::int64_t* index) {
+  if (!Has(SizeOf(type))) return false;
+  switch (type) {
+    case PlyType::kInt8:
+      *index = Take<std::int8_t>();
+      return true;
+    case PlyType::kUint8:
+      *index = Take<std::uint8_t>();
+      return true;
+    case PlyType::kInt16:
+      *index = Take<std::int16_t>();
+      return true;
+    case PlyType::kUint16:
+      *index = Take<std::uint16_t>();
+      return true;
+    case PlyType::kInt32:
+      *index = Take<std::int32_t>();
+      return true;
+    case PlyType::kUint32:
+      *index = Take<std::uint32_t>();
+      return true;
+    case PlyType::kFloat32:
+    case PlyType::kFloat64:
+      break;
+  }
+  return Fail("an index cannot be a fraction");
+}
+
+bool PlyBinaryBody::ReadLength(const PlyProperty& list, std::uint64_t* length) {
+  std::int64_t number = 0;
+  if (!ReadIndex(*list.count_type, &number)) return false;
+  if (number < 0 || static_cast<std::uint64_t>(number) > remaining() / SizeOf(list.type)) {
+    return Fail("a list cannot have " + std::to_string(number) + " items here");
+  }
+  *length = static_cast<std::uint64_t>(number);
+  return true;
+}
+
+bool PlyBinaryBody::Skip(const PlyProperty& property) {
+  std::uint64_t count = 1;
+  if (property.IsList() && !ReadLength(property, &count)) return false;
+  return SkipItems(property.type, count);
+}
+
+bool PlyBinaryBody::SkipItems(PlyType type, std::uint64_t count) {
+  const std::uint64_t bytes = count * SizeOf(type);  // ReadLength has bounded the count
+  if (!Has(bytes)) return false;
+  position_ += bytes;
+  return true;
+}
+
+}  // namespace kdray::core

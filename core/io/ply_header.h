@@ -1,0 +1,65 @@
+// The header of a PLY file: which elements there are, how many, and what each holds.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "core/base/result.h"
+
+namespace kdray::core {
+
+enum class PlyFormat : std::uint8_t { kAscii, kLittleEndian, kBigEndian };
+
+enum class PlyType : std::uint8_t {
+  kInt8,
+  kUint8,
+  kInt16,
+  kUint16,
+  kInt32,
+  kUint32,
+  kFloat32,
+  kFloat64
+};
+
+/// Bytes of a value in a binary file.
+std::size_t SizeOf(PlyType type);
+bool IsInteger(PlyType type);
+
+/// A number, or a list of numbers with its length in front.
+struct PlyProperty {
+  std::string_view name;
+  PlyType type = PlyType::kInt8;
+  std::optional<PlyType> count_type = std::nullopt;  ///< of a list; always an integer type
+
+  bool IsList() const { return count_type.has_value(); }
+};
+
+struct PlyElement {
+  std::string_view name;
+  std::uint64_t count = 0;  ///< rows, as the file claims
+  std::uint64_t line = 0;   ///< of the header
+  std::vector<PlyProperty> properties;
+
+  /// The number of the property with that name in `properties`.
+  std::optional<std::size_t> Find(std::string_view property) const;
+};
+
+struct PlyHeader {
+  PlyFormat format = PlyFormat::kAscii;
+  std::vector<PlyElement> elements;  ///< in file order, names all different
+  std::size_t body = 0;              ///< offset of the first byte behind the header
+  std::uint64_t body_line = 0;       ///< number of the line that begins there
+
+  const PlyElement* Find(std::string_view element) const;
+};
+
+/// Reads the header; its names are views into `text`. The first line's end (LF, CR LF, or CR alone)
+/// tells how the lines end, so that a body that begins with a byte 10 stays whole. Errors carry the
+/// line.
+/// Source: Turk, "The PLY Polygon File Format", 1994.
+Result<PlyHeader> ParsePlyHeader(std::string_view text);
+
+}  // namespace kdray::core
