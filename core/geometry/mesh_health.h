@@ -8,23 +8,26 @@
 
 namespace kdray::core {
 
-/// Counts over all triangles, after joining vertices of equal position. An edge is a pair of joined
-/// vertices.
+/// Counts after joining vertices of exactly equal position (-0 is 0). An edge is a pair of joined
+/// vertices. Zero-area triangles are counted as such and left out of everything else: nothing hits
+/// them, so where such a triangle is all that fills a T-junction, the mesh has open edges there.
 struct MeshHealth {
   std::uint64_t degenerate = 0;  ///< zero-area triangles
-  std::uint64_t duplicate =
-      0;  ///< triangles with the same three corners as an earlier one, in any order
-  std::uint64_t concave = 0;             ///< polygons that were cut by ears
-  std::uint64_t open_edges = 0;          ///< edges of exactly one non-degenerate triangle
-  std::uint64_t non_manifold_edges = 0;  ///< edges of more than two
-  bool closed =
-      false;  ///< every edge has exactly two triangles, which run along it in opposite directions
-  double coordinate_resolution =
-      0;  ///< spacing of the file's number type at the largest |coordinate|, mesh units
+  std::uint64_t duplicate = 0;   ///< triangles with the corners of an earlier one, any order
+  std::uint64_t concave = 0;     ///< polygons that were cut by ears
+  std::uint64_t open_edges = 0;  ///< edges of exactly one triangle
+  std::uint64_t non_manifold_edges = 0;  ///< edges of more than two triangles
+  /// Every edge has exactly two triangles, which run along it in opposite directions, and there is
+  /// an edge. Whether they face outward is not looked at.
+  bool closed = false;
+  /// Spacing of the file's number type (MeshData::single_precision) at the largest |coordinate|,
+  /// mesh units.
+  double coordinate_resolution = 0;
   friend bool operator==(const MeshHealth&, const MeshHealth&) = default;
 };
 
-/// O(n log n) time, about 40 bytes a triangle of scratch. Deterministic.
+/// `mesh` was made from `data`. O(n log n) time, whatever the positions; some 50 bytes of scratch a
+/// triangle. Deterministic.
 MeshHealth CheckHealth(const TriangleMesh& mesh, const MeshData& data);
 
 }  // namespace kdray::core

@@ -11,6 +11,14 @@
 #include "core/io/mesh_error.h"
 
 namespace kdray::core {
+namespace {
+
+std::string TooLong(std::int64_t items, std::size_t remaining) {
+  return "a list of " + std::to_string(items) + " items does not fit into the " +
+         std::to_string(remaining) + " bytes that are left";
+}
+
+}  // namespace
 
 PlyAsciiBody::PlyAsciiBody(std::string_view text, const PlyHeader& header)
     : cursor_(text.substr(header.body), {}, header.body_line) {}
@@ -40,8 +48,9 @@ bool PlyAsciiBody::ReadNumber(PlyType, double* value) {
 bool PlyAsciiBody::ReadLength(const PlyProperty& list, std::uint64_t* length) {
   std::int64_t number = 0;
   if (!ReadIndex(*list.count_type, &number)) return false;
-  if (number < 0 || static_cast<std::uint64_t>(number) > remaining() / 2) {
-    return Fail("a list cannot have " + std::to_string(number) + " items here");
+  if (number < 0) return Fail("a list cannot have " + std::to_string(number) + " items");
+  if (static_cast<std::uint64_t>(number) > remaining() / 2) {
+    return Fail(TooLong(number, remaining()));
   }
   *length = static_cast<std::uint64_t>(number);
   return true;
@@ -87,10 +96,8 @@ std::size_t PlyBinaryBody::LeastBytes(const PlyElement& element) {
   return bytes;
 }
 
-bool PlyBinaryBody::Has(std::uint64_t bytes) {
-  last_ = position_;
-  return bytes <= remaining() ||
-         Fail("the file ends here, where " + std::to_string(bytes) + " more bytes are needed");
+bool PlyBinaryBody::FailTooShort(std::uint64_t bytes) {
+  return Fail("the file ends here, where " + std::to_string(bytes) + " more bytes are needed");
 }
 
 template <class T>
@@ -151,8 +158,9 @@ bool PlyBinaryBody::ReadIndex(PlyType type, std::int64_t* index) {
 bool PlyBinaryBody::ReadLength(const PlyProperty& list, std::uint64_t* length) {
   std::int64_t number = 0;
   if (!ReadIndex(*list.count_type, &number)) return false;
-  if (number < 0 || static_cast<std::uint64_t>(number) > remaining() / SizeOf(list.type)) {
-    return Fail("a list cannot have " + std::to_string(number) + " items here");
+  if (number < 0) return Fail("a list cannot have " + std::to_string(number) + " items");
+  if (static_cast<std::uint64_t>(number) > remaining() / SizeOf(list.type)) {
+    return Fail(TooLong(number, remaining()));
   }
   *length = static_cast<std::uint64_t>(number);
   return true;

@@ -71,7 +71,11 @@ class PlyBinaryBody {
   // The value of that type at the position; the bytes must be there.
   template <class T>
   T Take();
-  bool Has(std::uint64_t bytes);
+  bool Has(std::uint64_t bytes) {
+    last_ = position_;
+    return bytes <= remaining() || FailTooShort(bytes);
+  }
+  bool FailTooShort(std::uint64_t bytes);
 
   std::string_view bytes_;
   bool swap_;

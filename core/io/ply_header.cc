@@ -176,26 +176,6 @@ class HeaderParser {
 
 }  // namespace
 
-std::size_t SizeOf(PlyType type) {
-  switch (type) {
-    case PlyType::kInt8:
-    case PlyType::kUint8:
-      return 1;
-    case PlyType::kInt16:
-    case PlyType::kUint16:
-      return 2;
-    case PlyType::kInt32:
-    case PlyType::kUint32:
-    case PlyType::kFloat32:
-      return 4;
-    case PlyType::kFloat64:
-      return 8;
-  }
-  return 0;
-}
-
-bool IsInteger(PlyType type) { return type != PlyType::kFloat32 && type != PlyType::kFloat64; }
-
 std::optional<std::size_t> PlyElement::Find(std::string_view property) const {
   for (std::size_t i = 0; i < properties.size(); ++i) {
     if (properties[i].name == property) return i;

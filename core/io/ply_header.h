@@ -1,6 +1,7 @@
 // The header of a PLY file: which elements there are, how many, and what each holds.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -25,8 +26,11 @@ enum class PlyType : std::uint8_t {
 };
 
 /// Bytes of a value in a binary file.
-std::size_t SizeOf(PlyType type);
-bool IsInteger(PlyType type);
+inline std::size_t SizeOf(PlyType type) {
+  constexpr std::array<std::uint8_t, 8> kSizes = {1, 1, 2, 2, 4, 4, 4, 8};
+  return kSizes[static_cast<std::size_t>(type)];
+}
+inline bool IsInteger(PlyType type) { return type < PlyType::kFloat32; }
 
 /// A number, or a list of numbers with its length in front.
 struct PlyProperty {
