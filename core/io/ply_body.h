@@ -24,8 +24,7 @@ class PlyAsciiBody {
 
   /// The least bytes that a row of this element takes.
   static std::size_t LeastBytes(const PlyElement& element) { return 2 * element.properties.size(); }
-  /// Bytes left, and one for a line end that the last row may lack.
-  std::size_t remaining() const { return cursor_.remaining() + 1; }
+  std::size_t remaining() const { return cursor_.remaining(); }
 
   bool BeginRow();
   bool EndRow();

@@ -112,8 +112,9 @@ class BodyReader {
 
  private:
   Status CheckClaim(const PlyElement& element) const {
+    // The last line of an ascii file may lack its end.
     const std::size_t least = Body::LeastBytes(element);
-    if (least != 0 && element.count > body_.remaining() / least) {
+    if (least != 0 && element.count > (body_.remaining() + 1) / least) {
       return AtLine(element.line, "the element " + Quoted(element.name) + " claims " +
                                       std::to_string(element.count) + " rows of at least " +
                                       std::to_string(least) + " bytes; " +

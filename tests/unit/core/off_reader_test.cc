@@ -1,0 +1,116 @@
+#include "core/io/off_reader.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/unit/core/mesh_texts.h"
+
+namespace kdray::core {
+namespace {
+
+using testing::ElementsAre;
+
+const std::string kSquare = "0 0 0\n1 0 0\n1 1 0\n0 1 0.1\n";
+
+void ExpectSquare(const MeshData& data) {
+  EXPECT_EQ(data.format, MeshFormat::kOff);
+  EXPECT_FALSE(data.single_precision);
+  EXPECT_THAT(data.vertices,
+              ElementsAre(Vec3d{0, 0, 0}, Vec3d{1, 0, 0}, Vec3d{1, 1, 0}, Vec3d{0, 1, 0.1}));
+  EXPECT_THAT(data.triangles, ElementsAre(TriangleIndices{0, 1, 2}, TriangleIndices{0, 2, 3}));
+}
+
+TEST(OffReader, ReadsVerticesAndPolygons) {
+  ExpectSquare(MustRead("OFF\n4 1 4\n" + kSquare + "4 0 1 2 3\n"));
+}
+
+TEST(OffReader, TakesEveryWayToWriteTheHeader) {
+  for (const char* header :
+       {"OFF\n4 1 0\n", "OFF 4 1 0\n", "OFF4 1 0 # counts\n", "OFF\n4 1\n", "4 1 0\n",
+        "# comment\n\n  OFF # keyword\n# comment\n\n4 1 0\n", "COFF\n4 1 0\n", "NOFF\n4 1 0\n",
+        "STOFF\n4 1 0\n", "CNOFF\n4 1 0\n", "STCNOFF 4 1 0\n", "\xef\xbb\xbfOFF\n4 1 0\n"}) {
+    ExpectSquare(MustRead(header + kSquare + "4 0 1 2 3\n"));
+  }
+}
+
+TEST(OffReader, SkipsColoursNormalsCommentsAndBlankLines) {
+  ExpectSquare(
+      MustRead("COFF\n4 1 0\n\n0 0 0 255 0 0 255\n1 0 0 1.0 0.5 # a vertex\n1 1 0\n# between\n\t\n"
+               "0 1 0.1 n x y\n 4  0 1 2 3  0.5 0.5 0.5 0.75\n"));
+}
+
+TEST(OffReader, TakesAnyLineEnd) {
+  for (const std::string end : {"\n", "\r\n", "\r"}) {
+    std::string text;
+    for (const char c : "OFF\n4 1 0\n" + kSquare + "4 0 1 2 3") {
+      text += c == '\n' ? end : std::string(1, c);
+    }
+    ExpectSquare(MustRead(text));
+  }
+}
+
+TEST(OffReader, DropsAndCountsFacesWithFewerThanThreeCorners) {
+  const MeshData data = MustRead("OFF\n4 4 0\n" + kSquare + "0\n1 0\n2 0 1\n3 0 1 2\n");
+  EXPECT_EQ(data.triangles.size(), 1u);
+  EXPECT_EQ(data.dropped, 3u);
+}
+
+TEST(OffReader, NamesTheLineAndTheCause) {
+  struct Case {
+    std::string text;
+    std::uint64_t line;
+    const char* message;
+  };
+  const std::string header = "OFF\n4 1 0\n";
+  for (const Case& c : {
+           Case{"OFF\n", 2, "line 2: the OFF file has no counts"},
+           Case{"OFF\nfour 1 0\n", 2, "line 2: 'four' is not an integer of 64 bits"},
+           Case{"OFF\n4\n1 0\n", 2, "line 2: an integer is missing"},
+           Case{"OFF\n4 -1 0\n", 2, "line 2: '-1' is not a count"},
+           Case{"OFF\n353535235358 6 0\n0 0 0\n", 2,
+                "line 2: 353535235358 vertices and 6 faces do not fit into the 9 bytes that are "
+                "left"},
+           Case{"OFF\n4 4294967295 0\n" + kSquare + "3 0 1 2\n", 2,
+                "line 2: 4 vertices and 4294967295 faces do not fit into the 37 bytes that are "
+                "left"},
+           Case{header + "0 0 0\n1 0\n1 1 0\n0 1 0\n4 0 1 2 3\n", 4, "line 4: a number is missing"},
+           Case{header + "0 0 0\n1 0 nan\n1 1 0\n0 1 0\n4 0 1 2 3\n", 4,
+                "line 4: 'nan' is not a finite number"},
+           Case{header + "0 0 0\n1 0 0 # much, much, much, much more\n", 5,
+                "line 5: the file ends after 2 of 4 vertices"},
+           Case{"OFF\n4 2 0\n" + kSquare + "4 0 1 2 3\n", 8,
+                "line 8: the file ends after 1 of 2 faces"},
+           Case{header + kSquare + "4 0 1 2\n# no more\n", 7, "line 7: an integer is missing"},
+           Case{header + kSquare + "4 0 1 2 4\n", 7,
+                "line 7: vertex 4 does not exist; the file has 4, counted from 0"},
+           Case{header + kSquare + "4 0 1 2 -1\n", 7,
+                "line 7: vertex -1 does not exist; the file has 4, counted from 0"},
+           Case{header + kSquare + "4 0 1 2 3.5\n", 7,
+                "line 7: '3.5' is not an integer of 64 bits"},
+           Case{header + kSquare + "-4 0 1 2 3\n", 7, "line 7: a face cannot have -4 corners"},
+           Case{header + kSquare + "2000000000 0 1 2 3\n", 7,
+                "line 7: a face of 2000000000 corners does not fit into the 9 bytes that are left"},
+       }) {
+    ExpectInvalidAtLine(c.text, c.line, c.message);
+  }
+}
+
+TEST(OffReader, RefusesOtherDimensionsAndTheBinaryFormAsNotRead) {
+  for (const std::string text :
+       {"4OFF\n3 1 0\n0 0 0 1\n", "nOFF\n3\n3 1 0\n", "STC4nOFF 3 1 0\n", "OFF BINARY\n\x01\x02"}) {
+    const Error error = MustRefuse(text);
+    EXPECT_EQ(error.code, ErrorCode::kUnsupportedMeshFormat);
+    EXPECT_EQ(error.line, 1u);
+  }
+}
+
+TEST(OffReader, CallsAFileWithoutTrianglesEmpty) {
+  EXPECT_EQ(MustRefuse("OFF 0 0 0").code, ErrorCode::kEmptyMesh);
+  EXPECT_EQ(MustRefuse("OFF\n4 0 0\n" + kSquare).code, ErrorCode::kEmptyMesh);
+  EXPECT_EQ(MustRefuse("OFF\n4 1 0\n" + kSquare + "2 0 1\n").code, ErrorCode::kEmptyMesh);
+}
+
+}  // namespace
+}  // namespace kdray::core
