@@ -14,6 +14,7 @@ cmake
 libcli11-dev
 libcpp-httplib-dev
 libdeflate-dev
+libgmp-dev
 libssl-dev
 libstb-dev
 libtbb-dev
@@ -29,7 +30,6 @@ chromium-driver
 curl
 libembree-dev
 libgmock-dev
-libgmp-dev
 libgtest-dev
 libpng-dev
 python3-numpy
@@ -37,6 +37,7 @@ END
     run) cat <<'END' ;;
 libcpp-httplib0.11
 libdeflate0
+libgmpxx4ldbl
 libssl3
 libtbb12
 END

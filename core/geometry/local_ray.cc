@@ -6,6 +6,8 @@ std::optional<LocalRay> MakeLocalRay(const Ray& ray, const MeshFrame& frame) {
   LocalRay local;
   local.t_min = ray.t_min;
   local.t_max = ray.t_max;
+  local.given = &ray;
+  local.frame = &frame;
   local.origin = frame.ToLocal(ray.origin);
 
   // world(t) = origin + t * direction, local = (world - frame.origin) * 2^-e, so one unit of t is

@@ -42,6 +42,10 @@ struct LocalRay {
   double t_min = 0;  ///< the caller's interval, in the caller's t
   double t_max = 0;
 
+  /// What the ray was made from, for tests that go back to the input as given. Must outlive this.
+  const Ray* given = nullptr;
+  const MeshFrame* frame = nullptr;
+
   /// Below this a component moves the ray by less than kDoublePad within the mesh.
   static constexpr double kTinyDirection = 0x1p-60;
 
@@ -58,7 +62,7 @@ struct LocalInterval {
   bool IsEmpty() const { return !(enter <= exit); }
 };
 
-/// The local form of a valid ray (IsValid). Nothing when the ray misses [-2, 2]^3 and so the mesh.
+/// The local form of a valid ray (IsValid); keeps pointers to both arguments. Nothing when the ray misses [-2, 2]^3 and so the mesh.
 std::optional<LocalRay> MakeLocalRay(const Ray& ray, const MeshFrame& frame);
 
 /// Where the fat ray (half-width `pad`) is inside `box`; empty when it passes by. Right for zero

@@ -4,6 +4,7 @@
 #include <cassert>
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -107,6 +108,21 @@ std::vector<bool> FindDegenerate(std::span<const Vec3<T>> vertices,
   return degenerate;
 }
 
+template <class T>
+double FindShortestEdge(std::span<const Vec3<T>> vertices,
+                        std::span<const TriangleIndices> triangles,
+                        const std::vector<bool>& degenerate) {
+  double shortest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    if (degenerate[i]) continue;  // the only triangles with edges of no length
+    const auto [a, b, c] = triangles[i];
+    for (const auto& [from, to] : {std::pair{a, b}, {b, c}, {c, a}}) {
+      shortest = std::min(shortest, MaxAbs(Vec3d(vertices[to]) - Vec3d(vertices[from])));
+    }
+  }
+  return shortest;
+}
+
 std::size_t CountTrue(const std::vector<bool>& flags) {
   return static_cast<std::size_t>(std::count(flags.begin(), flags.end(), true));
 }
@@ -161,6 +177,9 @@ Result<TriangleMesh> TriangleMesh::Create(const MeshData& data) {
   mesh.degenerate_ =
       mesh.VisitVertices([&](auto vertices) { return FindDegenerate(vertices, mesh.triangles()); });
   mesh.degenerate_count_ = CountTrue(mesh.degenerate_);
+  mesh.shortest_edge_ = mesh.VisitVertices([&](auto vertices) {
+    return FindShortestEdge(vertices, mesh.triangles(), mesh.degenerate_);
+  });
   return mesh;
 }
 
@@ -175,6 +194,9 @@ TriangleMesh TriangleMesh::FromParts(Parts parts) {
   mesh.triangles_ = std::move(parts.triangles);
   mesh.degenerate_ = std::move(parts.degenerate);
   mesh.degenerate_count_ = CountTrue(mesh.degenerate_);
+  mesh.shortest_edge_ = mesh.VisitVertices([&](auto vertices) {
+    return FindShortestEdge(vertices, mesh.triangles(), mesh.degenerate_);
+  });
   return mesh;
 }
 

@@ -110,9 +110,9 @@ class TriangleMesh {
   bool IsDegenerate(PrimitiveId id) const { return degenerate_[id]; }
   std::size_t degenerate_count() const { return degenerate_count_; }
 
-  /// Length of the shortest edge that is not a point, over triangles that are not degenerate, local
-  /// units; infinity when there is none. With the largest |local coordinate| in [0.5, 1) it tells
-  /// which precision the mesh needs.
+  /// Largest |component| of the shortest edge, over triangles that are not degenerate, local units;
+  /// infinity when there is none. With the largest |local coordinate| in [0.5, 1) it tells which
+  /// precision the mesh needs.
   double shortest_edge() const { return shortest_edge_; }
 
   /// Memory of vertices, indices and flags.

@@ -2,35 +2,37 @@
 
 #include <limits>
 #include <optional>
+#include <span>
+#include <vector>
 
 #include "core/geometry/local_ray.h"
-#include "core/trace/leaf_test.h"
+#include "core/trace/exact_test.h"
+#include "core/trace/query.h"
 
 namespace kdray::core {
 namespace {
 
+/// The whole mesh as one leaf, without even a bounding box.
+struct EveryTriangle {
+  std::span<const PrimitiveId> ids;
+
+  template <class Visit, class OnNode>
+  void Traverse(const LocalRay&, double, const Visit& visit, const OnNode&) const {
+    visit(ids);
+  }
+};
+
 template <class Test>
 Hit Closest(const TriangleMesh& mesh, const LocalRay& ray) {
-  const Test test(ray);
-  Hit best;
-  double best_shifted = std::numeric_limits<double>::infinity();
-  using Number = typename Test::Number;
+  std::vector<PrimitiveId> ids;
   for (PrimitiveId id = 0; id < mesh.triangle_count(); ++id) {
-    if (mesh.IsDegenerate(id)) continue;
-    LeafHit hit;
-    if (!test.Test(Vec3<Number>(mesh.LocalCorner(id, 0)), Vec3<Number>(mesh.LocalCorner(id, 1)),
-                   Vec3<Number>(mesh.LocalCorner(id, 2)), &hit)) {
-      continue;
-    }
-    const double t = ray.ToCallerT(hit.s);
-    if (!(t >= ray.t_min && t <= ray.t_max)) continue;
-    const double shifted = hit.s + ray.shift;
-    if (Closer(shifted, id, best_shifted, best.primitive_id)) {
-      best = {t, hit.u, hit.v, id};
-      best_shifted = shifted;
-    }
+    if (!mesh.IsDegenerate(id)) ids.push_back(id);
   }
-  return best;
+  return mesh.VisitVertices([&]<class Stored>(std::span<const Vec3<Stored>> vertices) {
+    return FindClosest<Test>(EveryTriangle{ids},
+                             Corners<typename Test::Number, Stored>(vertices, mesh.triangles()),
+                             ray, NoCost{});
+  });
 }
 
 }  // namespace
@@ -50,6 +52,8 @@ Hit BruteForceClosest(const TriangleMesh& mesh, const Ray& ray, Precision precis
       return Closest<WatertightTest<float>>(mesh, *local);
     case Precision::kDouble:
       return Closest<WatertightTest<double>>(mesh, *local);
+    case Precision::kExact:
+      return Closest<ExactTest>(mesh, *local);
   }
   return Hit{};
 }

@@ -6,6 +6,7 @@
 
 #include <cmath>
 
+#include "core/geometry/hit.h"
 #include "core/geometry/local_ray.h"
 #include "core/geometry/vec3.h"
 #include "core/trace/product.h"
@@ -16,6 +17,31 @@ namespace kdray::core {
 struct LeafHit {
   double s;
   double u, v;  ///< weights of the second and third corner
+};
+
+/// How the tests in rounded arithmetic order their hits and hold them against the caller's
+/// interval. `corners(id)` gives a triangle's three corners, which only the exact test needs.
+class RoundedOrder {
+ public:
+  explicit RoundedOrder(const LocalRay& ray) : ray_(ray) {}
+
+  /// Orders by s + shift, which orders as t does but cannot overflow; at equality by id.
+  template <class CornersOf>
+  bool IsCloser(const LeafHit& hit, PrimitiveId id, const LeafHit& best, PrimitiveId best_id,
+                const CornersOf&) const {
+    return Closer(hit.s + ray_.shift, id, best.s + ray_.shift, best_id);
+  }
+  template <class CornersOf>
+  bool IsInInterval(const LeafHit& hit, PrimitiveId, const CornersOf&) const {
+    const double t = CallerT(hit);
+    return t >= ray_.t_min && t <= ray_.t_max;
+  }
+  double CallerT(const LeafHit& hit) const { return ray_.ToCallerT(hit.s); }
+  /// Different s can round to one t: a triangle that ties with a hit may begin this much later.
+  double Slack() const { return std::fabs(ray_.shift) * 0x1p-50; }
+
+ private:
+  const LocalRay& ray_;
 };
 
 /// Barycentric weights of three corners, not normalised, all of one sign (0 counts as either), not
@@ -37,12 +63,14 @@ struct CornerWeights {
 ///  4. A ray that lies in the triangle's plane misses. NaN corners miss.
 ///  5. s, u, v come from double arithmetic in both forms.
 template <class T>
-class WatertightTest {
+class WatertightTest : public RoundedOrder {
  public:
   using Number = T;
+  using Hit = LeafHit;
   static constexpr double kPad = sizeof(T) == sizeof(float) ? kFloatPad : kDoublePad;
 
   explicit WatertightTest(const LocalRay& ray);
+  double pad() const { return kPad; }
 
   bool Test(const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& c, LeafHit* hit) const;
 
@@ -69,12 +97,15 @@ class WatertightTest {
 /// a check that the point on the ray and the point on the triangle agree (property 3 above; without
 /// it a tiny or grazed triangle would be "hit" far from where it is, and the answer would depend on
 /// which triangles an engine offers). It promises nothing at edges: neighbours may both miss.
-class FastTest {
+class FastTest : public RoundedOrder {
  public:
   using Number = float;
+  using Hit = LeafHit;
   static constexpr double kPad = kFloatPad;
 
-  explicit FastTest(const LocalRay& ray) : origin_(ray.origin), direction_(ray.direction) {}
+  explicit FastTest(const LocalRay& ray)
+      : RoundedOrder(ray), origin_(ray.origin), direction_(ray.direction) {}
+  double pad() const { return kPad; }
 
   bool Test(const Vec3f& a, const Vec3f& b, const Vec3f& c, LeafHit* hit) const;
 
@@ -86,7 +117,7 @@ class FastTest {
 
 template <class T>
 WatertightTest<T>::WatertightTest(const LocalRay& ray)
-    : origin_(ray.origin), origin_double_(ray.origin) {
+    : RoundedOrder(ray), origin_(ray.origin), origin_double_(ray.origin) {
   const Vec3d size{std::fabs(ray.direction.x), std::fabs(ray.direction.y),
                    std::fabs(ray.direction.z)};
   z_axis_ = size.x >= size.y ? (size.x >= size.z ? 0 : 2) : (size.y >= size.z ? 1 : 2);

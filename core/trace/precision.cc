@@ -10,6 +10,8 @@ std::string_view Name(Precision precision) {
       return "watertight";
     case Precision::kDouble:
       return "double";
+    case Precision::kExact:
+      return "exact";
   }
   return "";
 }

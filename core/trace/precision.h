@@ -14,11 +14,12 @@ enum class Precision : std::uint8_t {
   kFast,        ///< float Moeller-Trumbore; may leak at edges
   kWatertight,  ///< float Woop-Benthin-Wald; no leak on a closed mesh; t, u, v in double
   kDouble,      ///< the same in double, with exact edge signs
+  kExact,       ///< hits and the order of t are those of the real numbers that the caller gave
 };
 inline constexpr std::array kAllPrecisions = {Precision::kFast, Precision::kWatertight,
-                                              Precision::kDouble};
+                                              Precision::kDouble, Precision::kExact};
 
-/// "fast", "watertight", "double".
+/// "fast", "watertight", "double", "exact".
 std::string_view Name(Precision precision);
 std::optional<Precision> ParsePrecision(std::string_view name);
 

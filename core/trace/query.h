@@ -3,9 +3,8 @@
 // its siblings.
 #pragma once
 
-#include <cmath>
+#include <array>
 #include <limits>
-#include <optional>
 #include <span>
 
 #include "core/geometry/hit.h"
@@ -23,11 +22,10 @@ class Corners {
   Corners(std::span<const Vec3<Stored>> vertices, std::span<const TriangleIndices> triangles)
       : vertices_(vertices), triangles_(triangles) {}
 
-  template <class Test>
-  bool Test1(const Test& test, PrimitiveId id, LeafHit* hit) const {
+  std::array<Vec3<Number>, 3> operator()(PrimitiveId id) const {
     const TriangleIndices& t = triangles_[id];
-    return test.Test(Vec3<Number>(vertices_[t[0]]), Vec3<Number>(vertices_[t[1]]),
-                     Vec3<Number>(vertices_[t[2]]), hit);
+    return {Vec3<Number>(vertices_[t[0]]), Vec3<Number>(vertices_[t[1]]),
+            Vec3<Number>(vertices_[t[2]])};
   }
 
  private:
@@ -51,32 +49,30 @@ template <class Test, class Structure, class Corners, class Cost>
 Hit FindClosest(const Structure& structure, const Corners& corners, const LocalRay& ray,
                 Cost cost) {
   const Test test(ray);
-  Hit best;
-  double best_shifted = std::numeric_limits<double>::infinity();  // s + shift: orders hits as t
-                                                                  // does, without its overflow
+  typename Test::Hit best{};
+  PrimitiveId best_id = kNoPrimitive;
   double limit = std::numeric_limits<double>::infinity();
-  // Different s can round to one s + shift: a tie's other triangle may begin this much later.
-  const double slack = std::fabs(ray.shift) * 0x1p-50;
 
   structure.Traverse(
-      ray, Test::kPad,
+      ray, test.pad(),
       [&](std::span<const PrimitiveId> leaf) {
         cost.CountTriangles(leaf.size());
         for (const PrimitiveId id : leaf) {
-          LeafHit hit;
-          if (!corners.Test1(test, id, &hit)) continue;
-          const double shifted = hit.s + ray.shift;
-          if (!Closer(shifted, id, best_shifted, best.primitive_id)) continue;
-          const double t = ray.ToCallerT(hit.s);
-          if (!(t >= ray.t_min && t <= ray.t_max)) continue;
-          best = {t, hit.u, hit.v, id};
-          best_shifted = shifted;
-          limit = hit.s + slack;
+          const auto [a, b, c] = corners(id);
+          typename Test::Hit hit;
+          if (!test.Test(a, b, c, &hit)) continue;
+          if (best_id != kNoPrimitive && !test.IsCloser(hit, id, best, best_id, corners)) continue;
+          if (!test.IsInInterval(hit, id, corners)) continue;
+          best = hit;
+          best_id = id;
+          limit = hit.s + test.Slack();
         }
         return limit;
       },
       [&] { cost.CountNode(); });
-  return best;
+
+  if (best_id == kNoPrimitive) return Hit{};
+  return Hit{test.CallerT(best), best.u, best.v, best_id};
 }
 
 /// Whether FindClosest would find anything.
@@ -85,13 +81,12 @@ bool FindAny(const Structure& structure, const Corners& corners, const LocalRay&
   const Test test(ray);
   bool found = false;
   structure.Traverse(
-      ray, Test::kPad,
+      ray, test.pad(),
       [&](std::span<const PrimitiveId> leaf) {
         for (const PrimitiveId id : leaf) {
-          LeafHit hit;
-          if (!corners.Test1(test, id, &hit)) continue;
-          const double t = ray.ToCallerT(hit.s);
-          if (t >= ray.t_min && t <= ray.t_max) {
+          const auto [a, b, c] = corners(id);
+          typename Test::Hit hit;
+          if (test.Test(a, b, c, &hit) && test.IsInInterval(hit, id, corners)) {
             found = true;
             return -std::numeric_limits<double>::infinity();
           }

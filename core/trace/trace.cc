@@ -4,6 +4,7 @@
 #include <cassert>
 
 #include "core/base/parallel.h"
+#include "core/trace/exact_test.h"
 #include "core/trace/query.h"
 
 namespace kdray::core {
@@ -40,6 +41,9 @@ void Dispatch(const Scene& scene, Precision precision, const F& f) {
               return;
             case Precision::kDouble:
               with(TestTag<WatertightTest<double>>());
+              return;
+            case Precision::kExact:
+              with(TestTag<ExactTest>());
               return;
           }
         });

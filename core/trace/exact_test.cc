@@ -1,0 +1,175 @@
+#include "core/trace/exact_test.h"
+
+#include <algorithm>
+
+#include "core/trace/double_double.h"
+#include "core/trace/dyadic.h"
+#include "core/trace/product.h"
+
+namespace kdray::core {
+namespace {
+
+constexpr double kUnit = 0x1p-53;  // half an ulp of 1
+
+// Exact parameters below are in lengths of the local direction unless it was rounded; the ratio t
+// is then the same as long as one form is used throughout, so the exact side always uses the
+// direction as given, scaled into the frame.
+struct DyadicVec3 {
+  Dyadic x, y, z;
+};
+
+DyadicVec3 operator-(const DyadicVec3& a, const DyadicVec3& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+Dyadic Dot(const DyadicVec3& a, const DyadicVec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+DyadicVec3 Cross(const DyadicVec3& a, const DyadicVec3& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+DyadicVec3 Exactly(const Vec3d& v) { return {Dyadic(v.x), Dyadic(v.y), Dyadic(v.z)}; }
+
+DyadicVec3 ScaledBy(const DyadicVec3& v, int exponent) {
+  return {v.x.TimesPowerOfTwo(exponent), v.y.TimesPowerOfTwo(exponent),
+          v.z.TimesPowerOfTwo(exponent)};
+}
+
+DyadicVec3 ExactOrigin(const LocalRay& ray) {
+  return ScaledBy(Exactly(ray.given->origin) - Exactly(ray.frame->origin), -ray.frame->exponent);
+}
+
+/// The local direction without rounding: local t counts its lengths.
+DyadicVec3 ExactDirection(const LocalRay& ray) {
+  return ScaledBy(Exactly(ray.given->direction), ray.exponent - ray.frame->exponent);
+}
+
+/// t = numerator / denominator of the ray against a triangle's plane.
+struct ExactParameter {
+  Dyadic numerator, denominator;
+};
+
+ExactParameter ParameterOf(const LocalRay& ray, const ExactTest::Corners& triangle) {
+  const DyadicVec3 a = Exactly(triangle[0]);
+  const DyadicVec3 normal = Cross(Exactly(triangle[1]) - a, Exactly(triangle[2]) - a);
+  return {Dot(normal, a - ExactOrigin(ray)), Dot(normal, ExactDirection(ray))};
+}
+
+}  // namespace
+
+ExactTest::ExactTest(const LocalRay& ray)
+    : ray_(ray), origin_rounding_(0), trust_rounded_(true) {
+  const Ray& given = *ray.given;
+  const MeshFrame& frame = *ray.frame;
+  for (int axis = 0; axis < 3; ++axis) {
+    const DoubleDouble moved = TwoDifference(given.origin[axis], frame.origin[axis]);
+    origin_[axis] = ScaleByPowerOfTwo(moved.high, -frame.exponent);
+    origin_low_[axis] = ScaleByPowerOfTwo(moved.low, -frame.exponent);
+    // Scaling may underflow or overflow for a ray that has little to do with the mesh; then nothing
+    // rounded is trusted.
+    const bool exact = ScaleByPowerOfTwo(origin_[axis], frame.exponent) == moved.high &&
+                       ScaleByPowerOfTwo(origin_low_[axis], frame.exponent) == moved.low;
+    if (!exact) trust_rounded_ = false;
+    origin_rounding_ = std::max(origin_rounding_, std::fabs(origin_low_[axis]));
+    const int scale = ray.exponent - frame.exponent;
+    if (ScaleByPowerOfTwo(ray.direction[axis], -scale) != given.direction[axis])
+      trust_rounded_ = false;
+  }
+  low_ = ScaleByPowerOfTwo(given.t_min, -ray.exponent);
+  high_ = ScaleByPowerOfTwo(given.t_max, -ray.exponent);
+}
+
+auto ExactTest::RelativeTo(const Vec3d& corner) const -> Relative {
+  const Vec3d at = corner - origin_;
+  return {at, MaxAbs(at)};
+}
+
+auto ExactTest::EdgeVolume(const Relative& p, const Relative& q, const Vec3d& p_exact,
+                           const Vec3d& q_exact) const -> Volume {
+  const Vec3d& d = ray_.direction;
+  const double yz = p.at.y * q.at.z, zy = p.at.z * q.at.y;
+  const double zx = p.at.z * q.at.x, xz = p.at.x * q.at.z;
+  const double xy = p.at.x * q.at.y, yx = p.at.y * q.at.x;
+  const double value = d.x * (yz - zy) + d.y * (zx - xz) + d.z * (xy - yx);
+  const double permanent = std::fabs(d.x) * (std::fabs(yz) + std::fabs(zy)) +
+                           std::fabs(d.y) * (std::fabs(zx) + std::fabs(xz)) +
+                           std::fabs(d.z) * (std::fabs(xy) + std::fabs(yx));
+  // Shewchuk's bound for a determinant whose rows are rounded differences; then what the origin's
+  // own rounding can add (six products of a direction below 2, one corner and the other's error);
+  // then underflow of the products.
+  const double bound =
+      (7 + 56 * kUnit) * kUnit * permanent + 16 * origin_rounding_ * (p.size + q.size) + 0x1p-1000;
+  if (trust_rounded_ && std::fabs(value) > bound) return {value > 0 ? 1 : -1, value};
+
+  const DyadicVec3 origin = ExactOrigin(ray_);
+  const Dyadic exact =
+      Dot(ExactDirection(ray_), Cross(Exactly(p_exact) - origin, Exactly(q_exact) - origin));
+  return {exact.Sign(), Dyadic::Quotient(exact, Dyadic(1.0))};
+}
+
+double ExactTest::ExactOrRoundedT(const Vec3d& a, const Vec3d& b, const Vec3d& c) const {
+  if (trust_rounded_) {
+    const Vec3d& d = ray_.direction;
+    DoubleDouble numerator, denominator;
+    double numerator_size = 0, denominator_size = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      const int i = axis == 2 ? 0 : axis + 1;
+      const int j = i == 2 ? 0 : i + 1;
+      const DoubleDouble bi = TwoDifference(b[i], a[i]), bj = TwoDifference(b[j], a[j]);
+      const DoubleDouble ci = TwoDifference(c[i], a[i]), cj = TwoDifference(c[j], a[j]);
+      const DoubleDouble left = bi * cj, right = bj * ci;
+      const DoubleDouble normal = left - right;
+      const double normal_size = std::fabs(left.high) + std::fabs(right.high);
+      const DoubleDouble to_plane =
+          TwoDifference(a[axis], origin_[axis]) - DoubleDouble{origin_low_[axis], 0};
+      numerator = numerator + normal * to_plane;
+      denominator = denominator + normal * DoubleDouble{d[axis], 0};
+      // The size of what was subtracted to get to_plane counts, not what was left.
+      numerator_size += normal_size * (std::fabs(a[axis]) + std::fabs(origin_[axis]));
+      denominator_size += normal_size * std::fabs(d[axis]);
+    }
+    // A dozen operations of relative error 2^-102 on terms of these sizes.
+    constexpr double kStep = 0x1p-97;
+    const double doubt = kStep * (numerator_size / std::fabs(numerator.high) +
+                                  denominator_size / std::fabs(denominator.high));
+    if (doubt < 0x1p-56 && std::fabs(numerator.high) > 0x1p-900 &&
+        std::fabs(denominator.high) > 0x1p-900) {
+      const DoubleDouble t = numerator / denominator;
+      return t.high + t.low;
+    }
+  }
+  const ExactParameter exact = ParameterOf(ray_, {a, b, c});
+  return Dyadic::Quotient(exact.numerator, exact.denominator);
+}
+
+bool ExactTest::Test(const Vec3d& a, const Vec3d& b, const Vec3d& c, Hit* hit) const {
+  const Relative ra = RelativeTo(a), rb = RelativeTo(b), rc = RelativeTo(c);
+  const Volume wa = EdgeVolume(rb, rc, b, c);
+  const Volume wb = EdgeVolume(rc, ra, c, a);
+  if (wa.sign * wb.sign < 0) return false;
+  const Volume wc = EdgeVolume(ra, rb, a, b);
+  const bool any_negative = wa.sign < 0 || wb.sign < 0 || wc.sign < 0;
+  const bool any_positive = wa.sign > 0 || wb.sign > 0 || wc.sign > 0;
+  if (any_negative == any_positive) return false;  // outside, or all 0: the ray lies in the plane
+
+  hit->t = ExactOrRoundedT(a, b, c);
+  hit->s = hit->t - ray_.shift;
+  const double inverse_sum = 1.0 / SymmetricSum(wa.value, wb.value, wc.value);
+  hit->u = wb.value * inverse_sum;
+  hit->v = wc.value * inverse_sum;
+  return true;
+}
+
+int ExactTest::CompareExactly(const Corners& a, const Corners& b) const {
+  const ExactParameter ta = ParameterOf(ray_, a);
+  const ExactParameter tb = ParameterOf(ray_, b);
+  const int difference = (ta.numerator * tb.denominator - tb.numerator * ta.denominator).Sign();
+  return difference * ta.denominator.Sign() * tb.denominator.Sign();
+}
+
+int ExactTest::CompareExactly(const Corners& triangle, double bound) const {
+  // The bound as given, not as scaled: that may have been rounded.
+  const double given = bound == low_ ? ray_.given->t_min : ray_.given->t_max;
+  const ExactParameter t = ParameterOf(ray_, triangle);
+  const Dyadic limit = Dyadic(given).TimesPowerOfTwo(-ray_.exponent);
+  return (t.numerator - limit * t.denominator).Sign() * t.denominator.Sign();
+}
+
+}  // namespace kdray::core
