@@ -45,6 +45,7 @@ class RowReader {
       : text_(text), form_(form), max_rows_(max_rows), emit_(std::move(emit)) {}
 
   Check Read() {
+    if (Check problem = RefuseNul(text_)) return problem;
     // The return value only repeats whether one of the callbacks returned false.
     json::sax_parse(JsonCursor(text_.data(), &seen_),
                     JsonCursor(text_.data() + text_.size(), &seen_), this);

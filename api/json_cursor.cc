@@ -18,6 +18,14 @@ Problem JsonProblem(ErrorCode code, std::string_view text, const char* seen, std
   return problem;
 }
 
+Check RefuseNul(std::string_view text) {
+  const std::size_t nul = text.find('\0');
+  if (nul == std::string_view::npos) return std::nullopt;
+  return JsonProblem(ErrorCode::kInvalidJson, text, text.data() + nul + 1,
+                     "the body is not JSON: its byte " + std::to_string(nul) + " is NUL",
+                     std::nullopt);
+}
+
 Problem NotJson(std::string_view text, const char* seen, std::string_view parser_message) {
   if (text.empty()) {
     return Problem{ErrorCode::kInvalidJson, "the body is empty; JSON was expected"};

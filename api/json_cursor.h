@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "api/errors.h"
+#include "api/types.h"
 
 namespace kdray::api {
 
@@ -51,6 +52,10 @@ std::uint64_t JsonLine(std::string_view text, const char* seen);
 /// the JSON pointer (RFC 6901).
 Problem JsonProblem(ErrorCode code, std::string_view text, const char* seen, std::string detail,
                     std::optional<std::string> pointer);
+
+/// Call before parsing: nlohmann-json takes a NUL for the end of the text and would not see what
+/// stands behind it.
+Check RefuseNul(std::string_view text);
 
 /// invalid_json from the parser's own message, which names line and column, but also its own type
 /// and whatever bytes came.

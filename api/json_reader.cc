@@ -22,6 +22,7 @@ class Builder {
   Builder(std::string_view text, std::size_t max_depth) : text_(text), max_depth_(max_depth) {}
 
   Outcome<JsonObject> Read() {
+    if (Check problem = RefuseNul(text_)) return *std::move(problem);
     json::sax_parse(JsonCursor(text_.data(), &seen_),
                     JsonCursor(text_.data() + text_.size(), &seen_), this);
     if (problem_) return *std::move(problem_);

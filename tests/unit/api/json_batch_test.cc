@@ -174,6 +174,16 @@ TEST(RayRowsFromJson, RefusesWhatIsNoJson) {
   }
 }
 
+TEST(RayRowsFromJson, RefusesNulWhereTheParserWouldTakeItForTheEnd) {
+  const std::string batch = "{\"rays\":[]}";
+  ASSERT_TRUE(Read(batch));
+  for (const std::string& json : {batch + '\0', batch + '\0' + batch, '\0' + batch}) {
+    const auto rows = Read(json);
+    ASSERT_FALSE(rows);
+    EXPECT_THAT(rows.problem().detail, HasSubstr("is NUL"));
+  }
+}
+
 TEST(RayRowsFromJson, NamesTheLine) {
   const auto line_of = [](std::string_view json) {
     const auto rows = Read(json);
