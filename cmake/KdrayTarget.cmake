@@ -12,12 +12,14 @@ function(kdray_settings target)
   set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
   target_include_directories(${target} PUBLIC "${PROJECT_SOURCE_DIR}")
   # -ffp-contract=off: a fused multiply-add would change answers between machines (ROBUSTNESS rule: the same bytes
-  # everywhere). No -ffast-math, for the same reason.
+  # everywhere). No -ffast-math, for the same reason. -fno-tree-slp-vectorize: with it g++ 12 takes two neighbouring
+  # conversions from double to float and back for nothing and drops them, so that Vec3d(Vec3f(p)) is p
+  # (tests/unit/core/vec3_test.cc shows it).
   target_compile_options(${target} PRIVATE
     -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wcast-align -Wunused
     -Wdouble-promotion -Wimplicit-fallthrough -Werror
     -Wno-restrict  # g++ 12 warns of "text" + std::string itself (GCC bug 105651)
-    -ffp-contract=off -fno-math-errno -fstack-protector-strong)
+    -ffp-contract=off -fno-tree-slp-vectorize -fno-math-errno -fstack-protector-strong)
   target_compile_definitions(${target} PRIVATE KDRAY_VERSION="${PROJECT_VERSION}")
   if(KDRAY_SANITIZE)
     target_compile_options(${target} PRIVATE -fsanitize=${KDRAY_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
