@@ -1,0 +1,9 @@
+#include "api/openapi_document.h"
+
+#include "api/openapi_files.h"  // made by the build
+
+namespace kdray::api {
+
+std::string_view OpenApiJson() { return kOpenApiFiles[0].second; }
+
+}  // namespace kdray::api
