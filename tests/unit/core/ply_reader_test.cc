@@ -266,7 +266,7 @@ TEST(PlyReader, NamesTheLineOfABrokenAsciiBody) {
            Case{kSquare + "4 0 1 2\n\n\n", 14, "line 14: a number is missing"},
            Case{kSquare + "-4 0 1 2 3\n", 14, "line 14: a list cannot have -4 items"},
            Case{kSquare + "4294967295 0 1 2 3\n", 14,
-                "line 14: a list of 4294967295 items does not fit into the 10 bytes that are left"},
+                "line 14: a list of 4294967295 items does not fit into the 9 bytes that are left"},
        }) {
     ExpectInvalidAtLine(header + c.body, c.line, c.message);
   }
@@ -304,7 +304,7 @@ TEST(PlyReader, NamesTheHeaderLineOfACountThatTheFileCannotHold) {
                           "element face 4000000000\nproperty list uchar int vertex_indices\n" +
                           kEnd + kSquare + "3 0 1 2\n",
                       7,
-                      "line 7: the element 'face' claims 4000000000 rows of at least 2 bytes; 9 "
+                      "line 7: the element 'face' claims 4000000000 rows of at least 2 bytes; 8 "
                       "bytes are left");
   ExpectInvalidAtLine(BinaryHeader(std::endian::little) + "element vertex 9223372036854775807\n" +
                           vertex + kFaces + kEnd + RawSquare<float>(),
