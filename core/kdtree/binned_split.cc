@@ -106,14 +106,16 @@ std::optional<SplitCandidate> FindBinnedSplit(std::span<const Reference> referen
   SplitSearch search(cost, cell, references.size());
   for (int axis = 0; axis < 3; ++axis) {
     const AxisCounts& axis_counts = counts.axes[static_cast<std::size_t>(axis)];
+    const Faces& axis_faces = faces[static_cast<std::size_t>(axis)];
     SplitSearch::Axis candidates(&search, axis);
     std::size_t below = 0;                  // lower end < face k
     std::size_t above = references.size();  // upper end > face k
     for (std::size_t k = 0; k < kFaces; ++k) {
       below += axis_counts.begin[k];
       above -= axis_counts.end[k];
-      candidates.Consider(faces[static_cast<std::size_t>(axis)][k], below, axis_counts.planar[k],
-                          above);
+      // Faces coincide where the references' bounds are a few floats wide, or flat.
+      if (k > 0 && axis_faces[k] == axis_faces[k - 1]) continue;
+      candidates.Consider(axis_faces[k], below, axis_counts.planar[k], above);
     }
   }
   return search.best();
