@@ -10,9 +10,6 @@ namespace {
 
 // Nodes below this size do not ask whether the build was cancelled.
 constexpr std::size_t kPollReferences = 4096;
-// From here on kd-sah tries all planes that can be best. Larger nodes have so many triangles that
-// 32 bins do as well.
-constexpr std::size_t kSweepReferences = 1024;
 
 }  // namespace
 
@@ -45,7 +42,7 @@ void KdSubtreeBuilder::BuildNode(std::size_t count, const KdBuildTask& task) {
   const std::size_t begin = stack_size_ - count;
   const auto references = [&] { return std::span<const Reference>(stack_).subspan(begin, count); };
 
-  if (context_.rule == KdSplitRule::kSah && count <= kSweepReferences) {
+  if (context_.rule == KdSplitRule::kSah && count <= KdBuildLimits::kSweepReferences) {
     sweep_.Build(references(), task, &piece_);
     stack_size_ = begin;
     return;

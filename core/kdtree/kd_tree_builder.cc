@@ -17,10 +17,6 @@ namespace kdray::core {
 
 namespace {
 
-// A node with fewer references is built by one thread. The tree must not depend on this number
-// beyond the budget's rule for the top, nor on the number of threads at all.
-constexpr std::size_t kTopReferences = 16384;
-
 class KdTreeBuilder {
  public:
   KdTreeBuilder(const TriangleMesh& mesh, KdSplitRule rule, const SahCost& cost,
@@ -48,13 +44,12 @@ class KdTreeBuilder {
 
  private:
   void BuildTop(std::vector<Reference> references, const KdBuildTask& task, KdUpperNode* node) {
-    KdSubtreeBuilder serial(context_);
-    if (references.size() <= kTopReferences) {
-      node->piece = serial.Build(references, task);
+    if (references.size() <= KdBuildLimits::kTopReferences) {
+      node->piece = KdSubtreeBuilder(context_).Build(references, task);
       return;
     }
     std::optional<SplitCandidate> split;
-    if (!monitor_.ShouldStop()) split = serial.FindSplit(references, task);
+    if (!monitor_.ShouldStop()) split = KdSubtreeBuilder(context_).FindSplit(references, task);
     if (!split || !task.budget.AllowsAtTop(split->below, split->above)) {
       node->piece.BeginLeaf(references.size());
       for (const Reference& reference : references) {

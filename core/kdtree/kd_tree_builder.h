@@ -27,6 +27,12 @@ struct KdBuildLimits {
   static int MaxDepth(std::size_t triangles);
   /// References over all leaves, empty leaves counting as one, for each triangle of the mesh.
   static constexpr std::uint64_t kWeightPerTriangle = 8;
+  /// A node with no more references is built by one thread. Part of the result, like the others:
+  /// the budget's rule is stricter above (WeightBudget::AllowsAtTop).
+  static constexpr std::size_t kTopReferences = 16384;
+  /// From here on kd-sah tries every plane that can be best; larger nodes have so many triangles
+  /// that 32 bins do as well.
+  static constexpr std::size_t kSweepReferences = 1024;
   /// A kd-median node with so many triangles is a leaf.
   static constexpr std::size_t kMedianLeaf = 8;
 };

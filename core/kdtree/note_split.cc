@@ -6,6 +6,7 @@ namespace kdray::core {
 
 void NoteSplitFinder::CollectCentroids(std::span<const Reference> references, int axis) {
   centroids_.clear();
+  centroids_.reserve(references.size());
   for (const Reference& reference : references) {
     const double sum = mesh_.LocalCorner(reference.id, 0)[axis] +
                        mesh_.LocalCorner(reference.id, 1)[axis] +
@@ -44,9 +45,10 @@ std::optional<SplitCandidate> NoteSplitFinder::FindCyclic(std::span<const Refere
   for (int turn = 0; turn < 3; ++turn) {
     const int axis = (depth + turn) % 3;
     CollectCentroids(references, axis);
-    lows_.clear();
-    highs_.clear();
-    planars_.clear();
+    for (std::vector<float>* v : {&lows_, &highs_, &planars_}) {
+      v->clear();
+      v->reserve(references.size());
+    }
     for (const Reference& reference : references) {
       const float low = reference.bounds.min[axis];
       const float high = reference.bounds.max[axis];
