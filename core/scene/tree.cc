@@ -1,12 +1,15 @@
 #include "core/scene/tree.h"
 
+#include <algorithm>
+#include <thread>
 #include <utility>
 
 #include "core/box/box_list_builder.h"
 #include "core/bvh/bvh_builder.h"
 #include "core/kdtree/kd_tree_builder.h"
 #include "core/kdtree/kd_tree_stats.h"
-#include "core/tree/build_monitor.h"
+#include "core/kdtree/sweep_split.h"
+#include "core/tree/reference.h"
 #include "core/tree/sah_cost.h"
 
 namespace kdray::core {
@@ -45,16 +48,45 @@ Result<Tree> BuildTree(const TriangleMesh& mesh, BuildKind kind, const BuildOpti
   return Error{ErrorCode::kInvalidArgument, "no such build"};
 }
 
+// Upper bounds, derived from the limits of the builders rather than measured: a usual mesh needs a
+// third of it or less. A vector that grows counts three times, old and new storage being there
+// together.
 std::uint64_t EstimateBuildBytes(std::size_t triangle_count, BuildKind kind) {
   const std::uint64_t n = triangle_count;
+  const std::uint64_t threads = std::max(1u, std::thread::hardware_concurrency());
+  // Triangles in the subtrees that single threads are at work on.
+  const std::uint64_t serial = std::min(n, threads * KdBuildLimits::kTopReferences);
+  constexpr std::uint64_t kFixed = 1 << 16;
   switch (kind) {
     case BuildKind::kBox:
-      return n * sizeof(PrimitiveId);
+      // The only leaf holds everything, so the histogram of leaves has n + 1 places.
+      return kFixed + n * (sizeof(PrimitiveId) + sizeof(std::uint64_t));
     case BuildKind::kBvh:
-      return n * 200;
+      // References, ids, and the nodes (two for each triangle) as pieces and as one.
+      return kFixed + n * (sizeof(Reference) + sizeof(PrimitiveId) + 4 * sizeof(BvhNode)) +
+             serial * (3 * 2 * sizeof(BvhNode));
     default:
-      return n * 400;
+      break;
   }
+
+  constexpr std::uint64_t kWeight = KdBuildLimits::kWeightPerTriangle;
+  // A unit of weight in a finished subtree: at worst a leaf with one triangle, and its parent.
+  constexpr std::uint64_t kFinished = 2 * sizeof(KdNode) + sizeof(PrimitiveId);
+  // In a large node at most 3/8 of the weight are references; they are there twice while they are
+  // handed to the children. kd-cyclic sorts four lists of floats.
+  constexpr std::uint64_t kLarge = kWeight * 3 / 8 * (2 * sizeof(Reference) + 4 * sizeof(float));
+  // KdSubtreeBuilder: its stack, with the children's references on top, and the piece it makes.
+  constexpr std::uint64_t kSubtree =
+      3 * (kWeight * (sizeof(Reference) + kFinished) + 2 * sizeof(Reference));
+  // SweepBuilder: slots, sides and six events; events of one node kept, and made anew.
+  constexpr std::uint64_t kSweep =
+      3 * (kWeight * (sizeof(Reference) + 1 + 6 * sizeof(SplitEvent)) + 16 * sizeof(SplitEvent));
+  const std::uint64_t scratch =
+      serial * kSubtree + std::min(n, threads * KdBuildLimits::kSweepReferences) * kSweep;
+  const std::uint64_t splitting = n * std::max(kLarge, kWeight * kFinished) + scratch;
+  // Then the scratch is gone and the pieces are put together.
+  const std::uint64_t assembling = n * 2 * kWeight * kFinished;
+  return kFixed + std::max(splitting, assembling);
 }
 
 }  // namespace kdray::core
