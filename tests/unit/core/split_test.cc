@@ -1,0 +1,290 @@
+// Candidates for cuts: each finder against counting anew for every plane.
+#include "core/kdtree/split.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <random>
+#include <vector>
+
+#include "core/base/parallel.h"
+#include "core/kdtree/binned_split.h"
+#include "core/kdtree/note_split.h"
+#include "core/kdtree/partition.h"
+#include "core/kdtree/sweep_split.h"
+#include "core/tree/reference.h"
+#include "tests/support/seed.h"
+#include "tests/support/shapes.h"
+
+namespace kdray::test {
+namespace {
+
+using core::Bounds3f;
+using core::Reference;
+using core::SahCost;
+using core::Side;
+using core::SideCounts;
+using core::SplitCandidate;
+using core::SplitEvent;
+using core::SplitSearch;
+using core::TriangleMesh;
+using Kind = SplitEvent::Kind;
+
+const Bounds3f kUnitCell{{-1, -1, -1}, {1, 1, 1}};
+
+// Intervals on a coarse grid, so that ends coincide and some are flat.
+std::vector<Reference> GridReferences(std::mt19937_64& engine, std::size_t count) {
+  std::vector<Reference> references;
+  for (std::size_t i = 0; i < count; ++i) {
+    Bounds3f bounds;
+    for (int axis = 0; axis < 3; ++axis) {
+      const float low = static_cast<float>(engine() % 16) / 8 - 1;
+      const float size = static_cast<float>(engine() % 4) / 8;
+      bounds.min[axis] = low;
+      bounds.max[axis] = std::min(low + size, 1.0f);
+    }
+    references.push_back({bounds, static_cast<core::PrimitiveId>(i)});
+  }
+  return references;
+}
+
+struct Counted {
+  std::size_t below = 0, planar = 0, above = 0;
+};
+
+Counted CountAt(const std::vector<Reference>& references, int axis, float plane) {
+  Counted counted;
+  for (const Reference& r : references) {
+    counted.below += r.bounds.min[axis] < plane;
+    counted.above += r.bounds.max[axis] > plane;
+    counted.planar += r.bounds.min[axis] == plane && r.bounds.max[axis] == plane;
+  }
+  return counted;
+}
+
+// The plainest search: every plane of a list, counted anew.
+void ConsiderAll(const std::vector<Reference>& references, int axis, std::vector<float> planes,
+                 SplitSearch* search) {
+  std::sort(planes.begin(), planes.end());
+  SplitSearch::Axis candidates(search, axis);
+  for (const float plane : planes) {
+    const Counted counted = CountAt(references, axis, plane);
+    candidates.Consider(plane, counted.below, counted.planar, counted.above);
+  }
+}
+
+void ExpectSame(const std::optional<SplitCandidate>& a, const std::optional<SplitCandidate>& b) {
+  ASSERT_EQ(a.has_value(), b.has_value());
+  if (!a) return;
+  EXPECT_EQ(a->plane, b->plane);
+  EXPECT_EQ(a->planar_below, b->planar_below);
+  EXPECT_EQ(a->below, b->below);
+  EXPECT_EQ(a->above, b->above);
+  EXPECT_EQ(a->cost, b->cost);
+}
+
+TEST(SplitEvent, KeepsWhatItIsMadeOf) {
+  for (const float position : {-1.0f, -0x1p-149f, 0.0f, 0x1p-149f, 0.3f, 1.0f}) {
+    for (const Kind kind : {Kind::kEnd, Kind::kPlanar, Kind::kStart}) {
+      for (const std::uint32_t slot : {0u, 7u, SplitEvent::kMaxSlot}) {
+        const SplitEvent event(position, kind, slot);
+        EXPECT_EQ(event.position(), position);
+        EXPECT_EQ(event.kind(), kind);
+        EXPECT_EQ(event.slot(), slot);
+      }
+    }
+  }
+}
+
+TEST(SplitEvent, OrdersByPositionThenEndPlanarStartThenSlot) {
+  const std::vector<SplitEvent> ordered = {
+      {-1.0f, Kind::kStart, 9},   {-0.5f, Kind::kEnd, 9},  {-0x1p-149f, Kind::kEnd, 9},
+      {0.0f, Kind::kEnd, 5},      {-0.0f, Kind::kEnd, 6},  {-0.0f, Kind::kPlanar, 1},
+      {0.0f, Kind::kPlanar, 2},   {0.0f, Kind::kStart, 0}, {-0.0f, Kind::kStart, 1},
+      {0x1p-149f, Kind::kEnd, 0}, {0.5f, Kind::kEnd, 0},   {1.0f, Kind::kEnd, 0}};
+  for (std::size_t i = 0; i + 1 < ordered.size(); ++i) EXPECT_LT(ordered[i], ordered[i + 1]) << i;
+}
+
+TEST(SweepAxis, FindsWhatCountingAnewAtEveryEndFinds) {
+  std::mt19937_64 engine = RandomEngine(1);
+  const SahCost cost{1, 1.5, 0.8};
+  for (int trial = 0; trial < 2000; ++trial) {
+    const std::vector<Reference> references = GridReferences(engine, 1 + engine() % 40);
+    SplitSearch sweep(cost, kUnitCell, references.size());
+    SplitSearch plain(cost, kUnitCell, references.size());
+    for (int axis = 0; axis < 3; ++axis) {
+      std::vector<SplitEvent> events;
+      std::vector<float> ends;
+      for (std::uint32_t slot = 0; slot < references.size(); ++slot) {
+        const float low = references[slot].bounds.min[axis];
+        const float high = references[slot].bounds.max[axis];
+        SplitEvent made[2];
+        events.insert(events.end(), made, made + MakeEvents(low, high, slot, made));
+        ends.insert(ends.end(), {low, high});
+      }
+      std::sort(events.begin(), events.end());
+      SweepAxis(events, axis, references.size(), &sweep);
+      ConsiderAll(references, axis, ends, &plain);
+    }
+    ExpectSame(sweep.best(), plain.best());
+  }
+}
+
+TEST(BinnedSplit, FindsWhatCountingAnewAtEveryFaceFinds) {
+  std::mt19937_64 engine = RandomEngine(2);
+  const SahCost cost{1, 1.5, 0.8};
+  int found = 0;
+  for (int trial = 0; trial < 2000; ++trial) {
+    const std::vector<Reference> references = GridReferences(engine, 1 + engine() % 40);
+    const Bounds3f bounds = core::UnionBounds(references);
+    SplitSearch plain(cost, kUnitCell, references.size());
+    for (int axis = 0; axis < 3; ++axis) {
+      std::vector<float> faces;
+      for (int k = 0; k <= 32; ++k) {
+        const double width =
+            static_cast<double>(bounds.max[axis]) - static_cast<double>(bounds.min[axis]);
+        faces.push_back(static_cast<float>(static_cast<double>(bounds.min[axis]) + width * k / 32));
+      }
+      ConsiderAll(references, axis, faces, &plain);
+    }
+    const auto binned = FindBinnedSplit(references, kUnitCell, cost);
+    ExpectSame(binned, plain.best());
+    found += binned.has_value();
+  }
+  EXPECT_GT(found, 1000);
+}
+
+TEST(BinnedSplit, CutsOffEmptySpaceExactly) {
+  const std::vector<Reference> references = {{Bounds3f{{-0.3f, -1, -1}, {-0.1f, 1, 1}}, 0},
+                                             {Bounds3f{{-0.2f, -1, -1}, {0.7f, 1, 1}}, 1}};
+  const auto split = FindBinnedSplit(references, kUnitCell, SahCost{1, 10, 0.1});
+  ASSERT_TRUE(split);
+  EXPECT_EQ(split->plane, (core::SplitPlane{0, -0.3f}));
+  EXPECT_EQ(split->below, 0u);
+  EXPECT_EQ(split->above, 2u);
+}
+
+TEST(BinnedSplit, IsTheSameForEveryNumberOfThreads) {
+  const TriangleMesh mesh = TriangleMesh::Create(Soup(60'000, 0.02, 3)).value();
+  const std::vector<Reference> references = core::MakeReferences(mesh);
+  const Bounds3f cell = core::UnionBounds(references);
+  const auto alone = FindBinnedSplit(references, cell, SahCost{});
+  ASSERT_TRUE(alone);
+  const SideCounts counts = CountSides(references, *alone);
+  EXPECT_EQ(counts.below, alone->below);
+  EXPECT_EQ(counts.above, alone->above);
+  for (const int threads : {1, 2, 4}) {
+    core::Arena arena(threads);
+    arena.Run([&] { ExpectSame(FindBinnedSplit(references, cell, SahCost{}), alone); });
+  }
+}
+
+std::vector<float> Centroids(const TriangleMesh& mesh, int axis) {
+  std::vector<float> centroids;
+  for (std::size_t i = 0; i < mesh.triangle_count(); ++i) {
+    const core::PrimitiveId id = static_cast<core::PrimitiveId>(i);
+    const double sum = mesh.LocalCorner(id, 0)[axis] + mesh.LocalCorner(id, 1)[axis] +
+                       mesh.LocalCorner(id, 2)[axis];
+    centroids.push_back(static_cast<float>(sum / 3));
+  }
+  return centroids;
+}
+
+TEST(CyclicSplit, FindsWhatTheNotesAlgorithm1Finds) {
+  const SahCost cost{1, 1.5, 0.8};
+  for (const auto& data : {Soup(200, 0.2, 4), UvSphere({0, 0, 0}, 1, 8, 12),
+                           Join(Grid(5, 0, 0.5), Grid(5, 2, 0.25))}) {
+    const TriangleMesh mesh = TriangleMesh::Create(data).value();
+    const std::vector<Reference> references = core::MakeReferences(mesh);
+    const Bounds3f cell = core::UnionBounds(references);
+    core::NoteSplitFinder finder(mesh, cost);
+    for (int depth = 0; depth < 6; ++depth) {
+      SplitSearch plain(cost, cell, references.size());
+      ConsiderAll(references, depth % 3, Centroids(mesh, depth % 3), &plain);
+      ASSERT_TRUE(plain.best());
+      ExpectSame(finder.FindCyclic(references, cell, depth), plain.best());
+    }
+  }
+}
+
+TEST(CyclicSplit, TakesTheNextAxisWhereNoPlaneBeatsTheLeaf) {
+  const TriangleMesh mesh = TriangleMesh::Create(Grid(8, 2, 0.5)).value();
+  const std::vector<Reference> references = core::MakeReferences(mesh);
+  const SahCost cost;
+  core::NoteSplitFinder finder(mesh, cost);
+  const auto split = finder.FindCyclic(references, core::UnionBounds(references), 2);
+  ASSERT_TRUE(split);
+  EXPECT_EQ(split->plane.axis, 0);
+}
+
+TEST(MedianSplit, HalvesTrianglesThatAreApart) {
+  const TriangleMesh mesh = TriangleMesh::Create(Staircase(64)).value();
+  const std::vector<Reference> references = core::MakeReferences(mesh);
+  const SahCost cost;
+  core::NoteSplitFinder finder(mesh, cost);
+  for (int depth = 0; depth < 6; ++depth) {
+    const auto split = finder.FindMedian(references, core::UnionBounds(references), depth);
+    ASSERT_TRUE(split);
+    EXPECT_EQ(split->plane.axis, depth % 3);
+    EXPECT_EQ(split->below, 32u);
+    EXPECT_EQ(split->above, 32u);
+  }
+}
+
+TEST(MedianSplit, FindsNothingWhenEveryPlaneKeepsEverythingTogether) {
+  const TriangleMesh mesh = TriangleMesh::Create(Coincident(50)).value();
+  const std::vector<Reference> references = core::MakeReferences(mesh);
+  const SahCost cost;
+  core::NoteSplitFinder finder(mesh, cost);
+  EXPECT_FALSE(finder.FindMedian(references, core::UnionBounds(references), 0));
+}
+
+TEST(SideOf, SendsTrianglesThatEndInThePlaneToOneSide) {
+  const SplitCandidate split{{0, 0.5f}, true, 0, 0, 0};
+  SplitCandidate above = split;
+  above.planar_below = false;
+  const auto at = [](float low, float high) {
+    return Reference{Bounds3f{{low, 0, 0}, {high, 1, 1}}, 0};
+  };
+  EXPECT_EQ(SideOf(at(0, 0.5f), split), Side::kBelow);
+  EXPECT_EQ(SideOf(at(0.5f, 1), split), Side::kAbove);
+  EXPECT_EQ(SideOf(at(0.25f, 0.75f), split), Side::kBoth);
+  EXPECT_EQ(SideOf(at(0.5f, 0.5f), split), Side::kBelow);
+  EXPECT_EQ(SideOf(at(0.5f, 0.5f), above), Side::kAbove);
+}
+
+TEST(Distribute, GivesTheSameInParallelAndDropsPartsThatAreEmpty) {
+  const TriangleMesh mesh = TriangleMesh::Create(Soup(30'000, 0.3, 5)).value();
+  const Bounds3f whole = core::UnionBounds(core::MakeReferences(mesh));
+  // Bounds that reach beyond the cell's part of many triangles, so that some parts are empty.
+  const std::vector<Reference> references = core::MakeReferences(mesh);
+  const core::SplitPlane plane{1, whole.min.y * 0.5f + whole.max.y * 0.5f};
+  SplitCandidate split;
+  split.plane = plane;
+  Bounds3f cell = whole;
+  cell.max.x = whole.min.x + 0.3f * (whole.max.x - whole.min.x);
+
+  const SideCounts room = CountSides(references, split);
+  std::vector<Reference> below(room.below), above(room.above);
+  const SideCounts used = Distribute(mesh, references, cell, split, below.data(), above.data());
+  EXPECT_LT(used.below, room.below);
+  below.resize(used.below);
+  above.resize(used.above);
+  EXPECT_TRUE(std::ranges::is_sorted(below, {}, &Reference::id));
+  EXPECT_TRUE(std::ranges::is_sorted(above, {}, &Reference::id));
+  for (const Reference& r : below) EXPECT_LE(r.bounds.max.y, plane.position);
+  for (const Reference& r : above) EXPECT_GE(r.bounds.min.y, plane.position);
+
+  core::Arena arena(4);
+  arena.Run([&] {
+    std::vector<Reference> parallel_below, parallel_above;
+    DistributeInParallel(mesh, references, cell, split, &parallel_below, &parallel_above);
+    EXPECT_EQ(parallel_below, below);
+    EXPECT_EQ(parallel_above, above);
+  });
+}
+
+}  // namespace
+}  // namespace kdray::test
