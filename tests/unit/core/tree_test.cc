@@ -3,14 +3,15 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
+#include <cstring>
+#include <memory>
 #include <string>
+#include <thread>
+#include <variant>
 #include <vector>
 
 #include "core/base/parallel.h"
 #include "core/scene/scene.h"
-#include "tests/support/seed.h"
 #include "tests/support/shapes.h"
 #include "tests/unit/core/tree_checks.h"
 
@@ -44,7 +45,7 @@ std::vector<NamedMesh> Zoo() {
   zoo.push_back({"spiral", Spiral(2000, 20)});
   zoo.push_back({"staircase", Staircase(256)});
   zoo.push_back({"nest", Nest(99)});
-  zoo.push_back({"large", Soup(40000, 0.01, 4)});
+  zoo.push_back({"large", Soup(20'000, 0.01, 4)});
   MeshData degenerate = Soup(100, 0.3, 5);
   for (std::size_t i = 0; i < 100; i += 3) degenerate.triangles[i][2] = degenerate.triangles[i][0];
   zoo.push_back({"partly degenerate", degenerate});
@@ -62,7 +63,7 @@ TEST(BuildTree, HoldsWhatTraversalReliesOnForEveryBuildAndMesh) {
     const TriangleMesh mesh = TriangleMesh::Create(item.data).value();
     for (const BuildKind kind : core::kAllBuildKinds) {
       SCOPED_TRACE(std::string(item.name) + ", " + std::string(Name(kind)));
-      auto tree = core::BuildTree(mesh, kind);
+      const auto tree = core::BuildTree(mesh, kind);
       ASSERT_TRUE(tree.ok());
       EXPECT_EQ(tree->build, kind);
       std::visit(
@@ -72,6 +73,160 @@ TEST(BuildTree, HoldsWhatTraversalReliesOnForEveryBuildAndMesh) {
           },
           tree->structure);
     }
+  }
+}
+
+template <class T>
+bool SameBytes(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+}
+bool SameBytes(const core::KdTree& a, const core::KdTree& b) {
+  return a.bounds == b.bounds && SameBytes(a.nodes, b.nodes) &&
+         SameBytes(a.primitives, b.primitives);
+}
+bool SameBytes(const core::Bvh& a, const core::Bvh& b) {
+  return SameBytes(a.nodes, b.nodes) && SameBytes(a.primitives, b.primitives);
+}
+bool SameBytes(const core::BoxList& a, const core::BoxList& b) {
+  return a.bounds == b.bounds && a.primitives == b.primitives;
+}
+
+// Large enough for nodes that are split and counted in parallel.
+TEST(BuildTree, GivesTheSameBytesForEveryNumberOfThreads) {
+  const TriangleMesh mesh =
+      TriangleMesh::Create(Join(BumpySphere({0.5, 0.5, 0.5}, 0.5, 90, 130, 0.3),
+                                Join(Soup(12'000, 0.02, 6), Straddling(500, 7))))
+          .value();
+  for (const BuildKind kind : core::kAllBuildKinds) {
+    SCOPED_TRACE(std::string(Name(kind)));
+    const Tree alone = core::BuildTree(mesh, kind).value();
+    for (const int threads : {1, 2, 4}) {
+      core::Arena arena(threads);
+      arena.Run([&] {
+        const Tree tree = core::BuildTree(mesh, kind).value();
+        EXPECT_EQ(tree.stats, alone.stats);
+        std::visit(
+            [&](const auto& a) {
+              using Structure = std::decay_t<decltype(a)>;
+              EXPECT_TRUE(SameBytes(a, std::get<Structure>(alone.structure)));
+            },
+            tree.structure);
+      });
+    }
+  }
+}
+
+// Once more by the cells, which are found another way than the statistics.
+TEST(BuildTree, CountsWhatIsThere) {
+  const TriangleMesh mesh = TriangleMesh::Create(UvSphere({0, 0, 0}, 1, 30, 40)).value();
+  for (const BuildKind kind : core::kAllBuildKinds) {
+    SCOPED_TRACE(std::string(Name(kind)));
+    const Tree tree = core::BuildTree(mesh, kind).value();
+    const core::TreeStats& stats = tree.stats;
+    std::visit(
+        [&](const auto& structure) {
+          const auto leaves = structure.Cells(1000, 1'000'000).value();
+          const auto root = structure.Cells(0, 1).value().front();
+          core::TreeStats recount;
+          double cost = 0;
+          for (const core::TreeCell& leaf : leaves) {
+            core::CountLeaf(leaf.triangles, leaf.depth, &recount);
+            cost += leaf.bounds.SurfaceArea() * stats.intersection_cost *
+                    static_cast<double>(leaf.triangles);
+          }
+          // Every interior node once: cells that are no leaf, depth by depth.
+          std::uint64_t interior = 0;
+          for (std::uint32_t depth = 0; depth < stats.max_depth; ++depth) {
+            const auto cells = structure.Cells(depth, 1'000'000).value();
+            for (const core::TreeCell& cell : cells) {
+              if (cell.leaf) continue;
+              ++interior;
+              cost += cell.bounds.SurfaceArea() * stats.traversal_cost;
+            }
+          }
+          EXPECT_EQ(stats.leaves, recount.leaves);
+          EXPECT_EQ(stats.empty_leaves, recount.empty_leaves);
+          EXPECT_EQ(stats.references, recount.references);
+          EXPECT_EQ(stats.max_depth, recount.max_depth);
+          EXPECT_EQ(stats.leaf_histogram, recount.leaf_histogram);
+          EXPECT_EQ(stats.nodes, interior + recount.leaves);
+          EXPECT_EQ(stats.bytes, structure.bytes());
+          EXPECT_NEAR(stats.sah_cost, cost / root.bounds.SurfaceArea(), 1e-9 * stats.sah_cost);
+        },
+        tree.structure);
+    EXPECT_EQ(stats.bytes, tree.bytes());
+    EXPECT_GT(stats.intersection_cost, 0);
+    EXPECT_GT(stats.traversal_cost, 0);
+  }
+}
+
+TEST(BuildTree, StopsWhenItIsCancelledOrLate) {
+  const TriangleMesh mesh = TriangleMesh::Create(Soup(5000, 0.1, 8)).value();
+  for (const BuildKind kind : core::kAllBuildKinds) {
+    core::BuildOptions options;
+    options.cancel = core::CancelToken::Cancellable();
+    EXPECT_TRUE(core::BuildTree(mesh, kind, options).ok());
+    options.cancel.Cancel();
+    const auto cancelled = core::BuildTree(mesh, kind, options);
+    ASSERT_FALSE(cancelled.ok());
+    EXPECT_EQ(cancelled.error().code, core::ErrorCode::kCancelled);
+
+    options.cancel = core::CancelToken::WithDeadline(core::CancelToken::Clock::now());
+    const auto late = core::BuildTree(mesh, kind, options);
+    ASSERT_FALSE(late.ok());
+    EXPECT_EQ(late.error().code, core::ErrorCode::kDeadlineExceeded);
+  }
+}
+
+TEST(BuildTree, StopsInTheMiddleOfItsWork) {
+  const TriangleMesh mesh = TriangleMesh::Create(Soup(200'000, 0.01, 9)).value();
+  for (const BuildKind kind : {BuildKind::kKdSah, BuildKind::kBvh}) {
+    core::Progress progress;
+    core::BuildOptions options;
+    options.cancel = core::CancelToken::Cancellable();
+    options.progress = &progress;
+    std::jthread watcher([&](const std::stop_token& done) {
+      while (progress.fraction() == 0 && !done.stop_requested()) std::this_thread::yield();
+      options.cancel.Cancel();
+    });
+    const auto tree = core::BuildTree(mesh, kind, options);
+    watcher.request_stop();
+    ASSERT_FALSE(tree.ok()) << Name(kind);
+    EXPECT_EQ(tree.error().code, core::ErrorCode::kCancelled);
+  }
+}
+
+TEST(BuildTree, ReportsProgressThatEndsAtOne) {
+  const TriangleMesh mesh = TriangleMesh::Create(Soup(20'000, 0.02, 10)).value();
+  for (const BuildKind kind : core::kAllBuildKinds) {
+    core::Progress progress;
+    core::BuildOptions options;
+    options.progress = &progress;
+    ASSERT_TRUE(core::BuildTree(mesh, kind, options).ok());
+    EXPECT_EQ(progress.fraction(), 1.0);
+  }
+}
+
+TEST(EstimateBuildBytes, GrowsWithTheMeshAndHoldsAtLeastTheTree) {
+  const TriangleMesh mesh = TriangleMesh::Create(Soup(3000, 0.02, 11)).value();
+  for (const BuildKind kind : core::kAllBuildKinds) {
+    EXPECT_GE(core::EstimateBuildBytes(3000, kind), core::BuildTree(mesh, kind)->bytes());
+    EXPECT_LT(core::EstimateBuildBytes(1000, kind), core::EstimateBuildBytes(1'000'000, kind));
+  }
+}
+
+TEST(SceneCells, AreInWorldUnits) {
+  const core::Vec3d center{1000, -2000, 3000};
+  const auto mesh =
+      std::make_shared<const TriangleMesh>(TriangleMesh::Create(Cube(center, 0.5)).value());
+  for (const BuildKind kind : core::kAllBuildKinds) {
+    const core::Scene scene{mesh,
+                            std::make_shared<const Tree>(core::BuildTree(*mesh, kind).value())};
+    const auto cells = scene.Cells(0, 10).value();
+    ASSERT_EQ(cells.size(), 1u);
+    EXPECT_EQ(cells[0].bounds, (core::Bounds3d{center - core::Vec3d{0.5, 0.5, 0.5},
+                                               center + core::Vec3d{0.5, 0.5, 0.5}}));
+    EXPECT_FALSE(scene.Cells(0, 0).ok());
   }
 }
 
