@@ -72,47 +72,6 @@ std::array<Corner, 8> CornersAround(const Bounds3d& bounds, const Vec3d& middle,
   return corners;
 }
 
-// One axis of the image of a perspective camera that stands `distance` before the middle and is
-// moved sideways by `shift`: a corner is inside when |p - shift| <= slope * (distance - nearness).
-struct AxisFit {
-  double distance, shift;
-};
-
-// The least distance that lets all corners in, and its shift.
-AxisFit FitAxis(const std::array<Corner, 8>& corners, double Corner::*position, double slope) {
-  double high = -std::numeric_limits<double>::infinity();
-  double low = std::numeric_limits<double>::infinity();
-  for (const Corner& corner : corners) {
-    high = std::max(high, corner.*position + slope * corner.nearness);
-    low = std::min(low, corner.*position - slope * corner.nearness);
-  }
-  return {(high - low) / (2 * slope), (high + low) / 2};
-}
-
-// The same without a shift.
-double FitAxisUnshifted(const std::array<Corner, 8>& corners, double Corner::*position,
-                        double slope) {
-  double distance = -std::numeric_limits<double>::infinity();
-  for (const Corner& corner : corners) {
-    distance = std::max(distance, std::abs(corner.*position) / slope + corner.nearness);
-  }
-  return distance;
-}
-
-// The shift that puts the corners into the middle of this axis when the other axis, or the eye's
-// own room, asks for a greater distance than `slope` does: that of the slope which would just let
-// them in from there.
-double CenterAxis(const std::array<Corner, 8>& corners, double Corner::*position, double slope,
-                  double distance) {
-  double too_narrow = 0;
-  double wide_enough = slope;
-  for (int i = 0; i < 60; ++i) {
-    const double middle = (too_narrow + wide_enough) / 2;
-    (FitAxis(corners, position, middle).distance > distance ? too_narrow : wide_enough) = middle;
-  }
-  return FitAxis(corners, position, wide_enough).shift;
-}
-
 // Step 1: what the caller's numbers may be.
 Status Check(const CameraSpec& spec) {
   if (spec.eye && !IsFinite(*spec.eye)) return Invalid("eye: not finite");
@@ -162,27 +121,16 @@ void PlacePerspective(const CameraSpec& spec, const Bounds3d& bounds, Camera* ca
     camera->eye = *spec.eye;
     return;
   }
-  const Vec3d middle = spec.target.value_or(bounds.Center());
-  const auto corners = CornersAround(bounds, middle, *camera);
-  double nearest = -std::numeric_limits<double>::infinity();
-  for (const Corner& corner : corners) nearest = std::max(nearest, corner.nearness);
-  // A box without height and width in the image would otherwise touch the eye.
-  const double size = SizeOf(bounds);
-  const double clear =
-      MaxAbs(bounds.Extent()) > 0 ? nearest + size * 0x1p-10 : std::max(nearest, 0.0) + size;
-
+  camera->target = spec.target.value_or(bounds.Center());
   const double slope_x = camera->half_width * kFramedShare;
   const double slope_y = camera->half_height * kFramedShare;
-  double distance = clear;
-  if (spec.target) {
-    distance = std::max({clear, FitAxisUnshifted(corners, &Corner::x, slope_x),
-                         FitAxisUnshifted(corners, &Corner::y, slope_y)});
-    camera->target = middle;
-  } else {
-    distance = std::max({clear, FitAxis(corners, &Corner::x, slope_x).distance,
-                         FitAxis(corners, &Corner::y, slope_y).distance});
-    camera->target = middle + camera->right * CenterAxis(corners, &Corner::x, slope_x, distance) +
-                     camera->upward * CenterAxis(corners, &Corner::y, slope_y, distance);
+  double distance = 0;
+  for (const Corner& c : CornersAround(bounds, camera->target, *camera)) {
+    // Inside when |x| <= slope_x * (distance - nearness), and so for y. The last term keeps a box
+    // without width and height in the image from touching the eye.
+    distance =
+        std::max({distance, std::abs(c.x) / slope_x + c.nearness,
+                  std::abs(c.y) / slope_y + c.nearness, c.nearness + SizeOf(bounds) * 0x1p-10});
   }
   camera->eye = camera->target - camera->forward * distance;
 }

@@ -25,13 +25,12 @@ inline constexpr double kDefaultFovDeg = 40;
 /// Fills the gaps so that the box `bounds` of the mesh is framed: all its corners are seen, within
 /// the middle kFramedShare of the image. The rules, each for a value left out:
 ///   up           (0, 1, 0); when the view is along it, -z looking down and +z looking up.
-///   eye, target  both: seen from the front, 30 degrees to the right and 20 degrees from above,
-///                where above is `up` and front is the side that the rotation taking y to `up`
-///                makes of +z (so -y when z is up); the box in the middle of the image, as near as
-///                it fits.
-///   eye          the same direction from the given target, as near as the box fits.
-///   target       the middle of the box; one step in the direction above when the eye is there.
-///   view_height  the least that shows the box around the given or chosen axis.
+///   target       the middle of the box; one step along the default view when the eye is there.
+///   eye          before the target, 30 degrees to the right of the front and 20 degrees up, as
+///   near
+///                as the box fits. Up is `up`; front is the side that the smallest rotation taking
+///                y to `up` makes of +z (so -y when z is up).
+///   view_height  the least that shows the box around the axis from eye to target.
 /// With eye and target given nothing is moved: a perspective camera need not see the mesh then.
 ///
 /// kInvalidArgument, with the field's name first: a number that is not finite, eye equal to target,
