@@ -39,16 +39,19 @@ CellLines::CellLines(std::span<const TreeCell> cells, const Camera& camera, cons
     }
   }
   for (const TreeCell& cell : cells) {
+    const float opacity = cell.triangles == 0 ? style.empty_opacity : 1.0f;
     for (unsigned i = 0; i < 8; ++i) {
       for (unsigned axis = 1; axis < 8; axis <<= 1) {
-        if ((i & axis) == 0) AddEdge(cell.bounds.Corner(i), cell.bounds.Corner(i | axis));
+        if ((i & axis) == 0) {
+          AddEdge(cell.bounds.Corner(i), cell.bounds.Corner(i | axis), opacity);
+        }
       }
     }
   }
   FillBins();
 }
 
-void CellLines::AddEdge(const Vec3d& from, const Vec3d& to) {
+void CellLines::AddEdge(const Vec3d& from, const Vec3d& to, float opacity) {
   const bool perspective = camera_.projection == Projection::kPerspective;
   const Camera::ViewPoint a = camera_.ToView(from);
   const Camera::ViewPoint b = camera_.ToView(to);
@@ -81,7 +84,7 @@ void CellLines::AddEdge(const Vec3d& from, const Vec3d& to) {
   const Camera::ImagePoint q = camera_.ToImage(end);
   if (!std::isfinite(p.x_px + p.y_px + q.x_px + q.y_px)) return;
   segments_.push_back({p.x_px, p.y_px, q.x_px, q.y_px, perspective ? 1 / start.depth : start.depth,
-                       perspective ? 1 / end.depth : end.depth});
+                       perspective ? 1 / end.depth : end.depth, opacity});
 }
 
 // Calls visit(bin) for every bin that pixels within reach of the segment may lie in.
@@ -194,7 +197,7 @@ void CellLines::DrawSegment(const Segment& s, const Tile& part, const Tile& tile
       if (coverage == 0) continue;
       const double w = s.w0 + along * (s.w1 - s.w0);
       const double depth = camera_.projection == Projection::kPerspective ? 1 / w : w;
-      const float strongest = static_cast<float>(coverage) * FadeAt(depth);
+      const float strongest = static_cast<float>(coverage) * s.opacity * FadeAt(depth);
       const std::size_t pixel =
           static_cast<std::size_t>(y - tile.y0) * static_cast<std::size_t>(tile.width()) +
           static_cast<std::size_t>(x - tile.x0);

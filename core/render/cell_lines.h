@@ -21,6 +21,7 @@ struct LineStyle {
   float width_px = 1.1f;              ///< at an image height of up to 640, from there in proportion
   float near_opacity = 0.95f;         ///< of a line at the nearest point of all cells
   float far_opacity = 0.30f;          ///< at the farthest, in proportion to depth between them
+  float empty_opacity = 0.35f;        ///< factor for cells without a triangle
 };
 
 /// Lines projected once, then drawn tile by tile. The value of a pixel depends on the pixel, the
@@ -46,6 +47,7 @@ class CellLines {
   struct Segment {
     double x0, y0, x1, y1;
     double w0, w1;  // linear along the segment: 1 / depth in perspective, else depth
+    float opacity;
   };
 
   // Square blocks of the region; each knows the segments that may touch it.
@@ -56,7 +58,7 @@ class CellLines {
     std::vector<std::uint32_t> segments;
   };
 
-  void AddEdge(const Vec3d& from, const Vec3d& to);
+  void AddEdge(const Vec3d& from, const Vec3d& to, float opacity);
   void FillBins();
   template <class Visit>
   void VisitBins(const Segment& segment, const Visit& visit) const;

@@ -59,7 +59,7 @@ class Projector {
   double pixels_per_unit_ = 0;
 };
 
-// The part of a triangle at depth >= nearest: 0, 3 or 4 corners.
+// The part of a triangle at depth >= nearest: no corner, or 3 or 4.
 std::vector<Seen> ClipNear(const std::array<Seen, 3>& corners, double nearest) {
   std::vector<Seen> kept;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -146,16 +146,14 @@ Raster Rasterize(std::span<const Triangle3> triangles, const RasterCamera& camer
 double DistanceToEdgesPx(const Triangle3& triangle, const RasterCamera& camera, double x_px,
                          double y_px) {
   const Projector projector(camera);
-  std::array<Projected, 3> t{};
-  for (std::size_t i = 0; i < 3; ++i) {
-    const Seen seen = projector.See(triangle[i]);
-    if (camera.perspective && !(seen.z > 0)) return std::numeric_limits<double>::infinity();
-    t[i] = projector.Project(seen);
-  }
+  const std::array<Seen, 3> corners = {projector.See(triangle[0]), projector.See(triangle[1]),
+                                       projector.See(triangle[2])};
+  const double farthest = std::max({corners[0].z, corners[1].z, corners[2].z});
+  const std::vector<Seen> part = ClipNear(corners, camera.perspective ? farthest * 1e-9 : 0.0);
   double best = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < 3; ++i) {
-    const Projected& a = t[i];
-    const Projected& b = t[(i + 1) % 3];
+  for (std::size_t i = 0; i < part.size(); ++i) {
+    const Projected a = projector.Project(part[i]);
+    const Projected b = projector.Project(part[(i + 1) % part.size()]);
     const double dx = b.x - a.x;
     const double dy = b.y - a.y;
     const double length2 = dx * dx + dy * dy;

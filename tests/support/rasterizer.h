@@ -34,7 +34,7 @@ struct Raster {
 Raster Rasterize(std::span<const Triangle3> triangles, const RasterCamera& camera);
 
 /// How far, in pixels, image point (x_px, y_px) lies from the nearest edge of the projected
-/// triangle; infinity when a corner is not in front of the eye.
+/// triangle, as far as that lies in front of the eye; infinity when nothing of it does.
 double DistanceToEdgesPx(const Triangle3& triangle, const RasterCamera& camera, double x_px,
                          double y_px);
 
