@@ -17,11 +17,11 @@ namespace kdray::core {
 /// How lines look. The defaults are tuned by eye: thin enough to leave the mesh in charge, strong
 /// enough for white and black backgrounds.
 struct LineStyle {
-  Rgb color = {0.10f, 0.36f, 0.80f};  ///< sRGB
-  float width_px = 1.1f;              ///< at an image height of up to 640, from there in proportion
+  Rgb color = {0.06f, 0.31f, 0.76f};  ///< sRGB
+  float width_px = 1.2f;              ///< at an image height of up to 640, from there in proportion
   float near_opacity = 0.95f;         ///< of a line at the nearest point of all cells
   float far_opacity = 0.30f;          ///< at the farthest, in proportion to depth between them
-  float empty_opacity = 0.35f;        ///< factor for cells without a triangle
+  float empty_opacity = 0.25f;        ///< factor for cells without a triangle
 };
 
 /// Lines projected once, then drawn tile by tile. The value of a pixel depends on the pixel, the

@@ -39,6 +39,6 @@ inline constexpr double kDefaultFovDeg = 40;
 /// any box of float range.
 Result<Camera> ResolveCamera(const CameraSpec& spec, const Bounds3d& bounds, int width, int height);
 
-inline constexpr double kFramedShare = 0.94;
+inline constexpr double kFramedShare = 0.97;
 
 }  // namespace kdray::core

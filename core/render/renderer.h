@@ -44,7 +44,7 @@ struct RenderSpec {
   int samples = 1;  ///< per pixel, 1..kMaxSamples; 1 is the pixel's centre. kDepth and kTriangle
                     ///< take one whatever this says
   Precision precision = Precision::kWatertight;
-  Rgb color = {0.86f, 0.83f, 0.79f};                    ///< of the mesh, sRGB, each 0..1
+  Rgb color = {0.93f, 0.88f, 0.81f};                    ///< of the mesh, sRGB, each 0..1
   std::optional<Background> background = std::nullopt;  ///< left out: white for kShaded, else black
   std::optional<std::uint32_t> cells_depth =
       std::nullopt;  ///< draw the tree's nodes at this depth and the leaves

@@ -29,6 +29,7 @@ Camera FrontView() {
 TreeCell CellOf(const Bounds3d& bounds) {
   TreeCell cell;
   cell.bounds = bounds;
+  cell.triangles = 1;
   return cell;
 }
 
@@ -111,6 +112,18 @@ TEST(CellLines, FadeFromNearToFar) {
   EXPECT_NEAR(opacity[4], 1.0f, 1e-6f);
   EXPECT_NEAR(opacity[10], 0.75f, 1e-6f);
   EXPECT_NEAR(opacity[14], 0.5f, 1e-6f);
+}
+
+TEST(CellLines, OfEmptyCellsAreFainterButForEdgesSharedWithFullOnes) {
+  std::vector<TreeCell> cells = {CellOf({{-5.5, -30, 0}, {0.5, 30, 0}}),
+                                 CellOf({{0.5, -30, 0}, {4.5, 30, 0}})};
+  cells[0].triangles = 0;
+  LineStyle style = kPlain;
+  style.empty_opacity = 0.25f;
+  const std::vector<float> opacity = DrawAll(cells, FrontView(), kWhole, kNothing, style);
+  EXPECT_EQ(opacity[4], 0.25f);
+  EXPECT_EQ(opacity[10], 1.0f);
+  EXPECT_EQ(opacity[14], 1.0f);
 }
 
 TEST(CellLines, BehindTheEyeAreNotDrawn) {
