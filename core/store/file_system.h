@@ -1,0 +1,85 @@
+// The few file operations that the store needs, behind an interface, so that a test can make each
+// of them fail. core/store/blob_store.h puts crash-safe files on top.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/base/result.h"
+
+namespace kdray::core {
+
+/// A new file that is being written. Destroyed, it is closed; what was written stays.
+class WritableFile {
+ public:
+  virtual ~WritableFile() = default;
+  /// Appends all of `bytes`, or fails with any part of them written.
+  virtual Status Append(std::span<const std::byte> bytes) = 0;
+  /// Returns when the contents are on stable storage. After a failure they may never be: do not
+  /// try again, write another file.
+  virtual Status Sync() = 0;
+};
+
+/// An existing regular file. Readable while held, even if its name is removed meanwhile. Safe from
+/// many threads at once. Plain reads, never mapped memory: a file that somebody shortens gives a
+/// short read, not SIGBUS.
+class ReadableFile {
+ public:
+  virtual ~ReadableFile() = default;
+  /// At the time it was opened.
+  virtual std::uint64_t size() const = 0;
+  /// Fills all of `out` from `offset`; kCorrupt when the file ends before.
+  virtual Status ReadAt(std::uint64_t offset, std::span<std::byte> out) const = 0;
+};
+
+struct FileInfo {
+  std::string name;
+  std::uint64_t bytes = 0;
+  std::int64_t modified_ms = 0;  ///< since 1970, UTC
+  bool readable = true;          ///< Open would take it: a regular file of this user
+};
+
+/// Held until destroyed, or until the process ends in whatever way.
+class FileLock {
+ public:
+  virtual ~FileLock() = default;
+};
+
+/// Errors of every operation: kNotFound (no such file), kStoreFull (no room, quota, file size limit
+/// or a read-only file system), kCorrupt (what stands there is no regular file of this user: a
+/// link, a folder, another owner), kIo (everything else). Messages name no paths. Safe from many
+/// threads at once.
+class FileSystem {
+ public:
+  using Path = std::filesystem::path;
+  virtual ~FileSystem() = default;
+
+  /// A new file that only this user may read; kIo when the name is taken.
+  virtual Result<std::unique_ptr<WritableFile>> Create(const Path& path) = 0;
+  /// Follows no link in the last component.
+  virtual Result<std::unique_ptr<ReadableFile>> Open(const Path& path) = 0;
+  /// Replaces `to`. Durable after SyncDirectory.
+  virtual Status Rename(const Path& from, const Path& to) = 0;
+  virtual Status Remove(const Path& path) = 0;
+  virtual Status SyncDirectory(const Path& path) = 0;
+  /// With its parents, for this user only; success when it is there.
+  virtual Status MakeDirectory(const Path& path) = 0;
+  /// Everything but "." and "..", in no order.
+  virtual Result<std::vector<FileInfo>> List(const Path& directory) = 0;
+  /// Sets the modification time to now.
+  virtual Status Touch(const Path& path) = 0;
+  /// Room that this user can still fill.
+  virtual Result<std::uint64_t> FreeBytes(const Path& directory) = 0;
+  /// Makes the file if need be; kInvalidArgument when another process holds it.
+  virtual Result<std::unique_ptr<FileLock>> Lock(const Path& path) = 0;
+};
+
+/// The operating system's files; one for the whole process.
+FileSystem& PosixFileSystem();
+
+}  // namespace kdray::core

@@ -1,0 +1,307 @@
+#include "tests/support/simulated_disk.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace kdray::test {
+
+using core::Error;
+using core::ErrorCode;
+using core::Result;
+using core::Status;
+
+class SimulatedDisk::File final : public core::WritableFile {
+ public:
+  File(SimulatedDisk* disk, std::shared_ptr<Inode> inode)
+      : disk_(disk), inode_(std::move(inode)), life_(disk->life_) {}
+
+  Status Append(std::span<const std::byte> bytes) override {
+    const std::lock_guard lock(disk_->mutex_);
+    std::optional<Error> fault = disk_->WriteStep();
+    if (life_ != disk_->life_) return Error{ErrorCode::kIo, "the process that wrote is gone"};
+    std::size_t fits = bytes.size();
+    if (fault) fits /= 2;
+    if (disk_->capacity_) {
+      const std::uint64_t used = disk_->Used();
+      const std::uint64_t room = *disk_->capacity_ > used ? *disk_->capacity_ - used : 0;
+      fits = std::min<std::size_t>(fits, static_cast<std::size_t>(room));
+    }
+    inode_->contents.insert(inode_->contents.end(), bytes.begin(),
+                            bytes.begin() + static_cast<std::ptrdiff_t>(fits));
+    if (fault) return *std::move(fault);
+    if (fits < bytes.size()) return Error{ErrorCode::kStoreFull, "the disk is full"};
+    return {};
+  }
+  Status Sync() override {
+    const std::lock_guard lock(disk_->mutex_);
+    if (std::optional<Error> fault = disk_->WriteStep()) return *std::move(fault);
+    inode_->synced = inode_->contents;
+    return {};
+  }
+
+ private:
+  SimulatedDisk* disk_;
+  std::shared_ptr<Inode> inode_;
+  std::uint64_t life_;
+};
+
+class SimulatedDisk::Reader final : public core::ReadableFile {
+ public:
+  Reader(SimulatedDisk* disk, std::shared_ptr<Inode> inode)
+      : disk_(disk), inode_(std::move(inode)), size_(inode_->contents.size()) {}
+
+  std::uint64_t size() const override { return size_; }
+  Status ReadAt(std::uint64_t offset, std::span<std::byte> out) const override {
+    const std::lock_guard lock(disk_->mutex_);
+    if (std::optional<Error> fault = disk_->Step()) return *std::move(fault);
+    const std::vector<std::byte>& contents = inode_->contents;
+    if (offset > contents.size() || out.size() > contents.size() - offset) {
+      return Error{ErrorCode::kCorrupt, "short file"};
+    }
+    std::copy_n(contents.begin() + static_cast<std::ptrdiff_t>(offset), out.size(), out.begin());
+    return {};
+  }
+
+ private:
+  SimulatedDisk* disk_;
+  std::shared_ptr<Inode> inode_;
+  std::uint64_t size_;
+};
+
+class SimulatedDisk::HeldLock final : public core::FileLock {
+ public:
+  HeldLock(SimulatedDisk* disk, Path path)
+      : disk_(disk), path_(std::move(path)), life_(disk->life_) {}
+  ~HeldLock() override {
+    const std::lock_guard lock(disk_->mutex_);
+    if (life_ == disk_->life_) disk_->locked_[path_] = false;
+  }
+
+ private:
+  SimulatedDisk* disk_;
+  Path path_;
+  std::uint64_t life_;
+};
+
+void SimulatedDisk::FailAt(std::uint64_t n, ErrorCode code) {
+  const std::lock_guard lock(mutex_);
+  operations_ = 0;
+  fail_at_ = n;
+  fail_code_ = code;
+  die_at_.reset();
+}
+
+void SimulatedDisk::DieAt(std::uint64_t n) {
+  const std::lock_guard lock(mutex_);
+  operations_ = 0;
+  die_at_ = n;
+  fail_at_.reset();
+}
+
+void SimulatedDisk::Restart(Loss loss) {
+  const std::lock_guard lock(mutex_);
+  operations_ = 0;
+  fail_at_.reset();
+  die_at_.reset();
+  locked_.clear();
+  ++life_;
+  for (auto& [path, folder] : folders_) {
+    if (loss == Loss::kEverything) folder.names = folder.synced;
+    for (auto& [name, inode] : folder.names) {
+      if (loss == Loss::kNothing) continue;
+      if (inode->synced) {
+        inode->contents = *inode->synced;
+      } else {
+        inode->contents.resize(inode->contents.size() / 2);
+      }
+    }
+    folder.synced = folder.names;
+  }
+}
+
+std::uint64_t SimulatedDisk::operations() const {
+  const std::lock_guard lock(mutex_);
+  return operations_;
+}
+
+void SimulatedDisk::set_capacity(std::optional<std::uint64_t> bytes) {
+  const std::lock_guard lock(mutex_);
+  capacity_ = bytes;
+}
+
+void SimulatedDisk::set_read_only(bool read_only) {
+  const std::lock_guard lock(mutex_);
+  read_only_ = read_only;
+}
+
+std::vector<std::string> SimulatedDisk::FilesIn(const Path& directory) const {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::string> names;
+  if (const auto folder = folders_.find(directory); folder != folders_.end()) {
+    for (const auto& [name, inode] : folder->second.names) names.push_back(name);
+  }
+  return names;
+}
+
+std::optional<std::vector<std::byte>> SimulatedDisk::Contents(const Path& path) const {
+  const std::lock_guard lock(mutex_);
+  const auto folder = folders_.find(path.parent_path());
+  if (folder == folders_.end()) return std::nullopt;
+  const auto file = folder->second.names.find(path.filename());
+  if (file == folder->second.names.end()) return std::nullopt;
+  return file->second->contents;
+}
+
+void SimulatedDisk::SetContents(const Path& path, std::vector<std::byte> contents) {
+  const std::lock_guard lock(mutex_);
+  auto inode = std::make_shared<Inode>();
+  inode->contents = contents;
+  inode->synced = std::move(contents);
+  inode->modified_ms = ++clock_ms_;
+  Folder& folder = folders_[path.parent_path()];
+  folder.names[path.filename()] = inode;
+  folder.synced[path.filename()] = inode;
+}
+
+void SimulatedDisk::Erase(const Path& path) {
+  const std::lock_guard lock(mutex_);
+  folders_[path.parent_path()].names.erase(path.filename());
+  folders_[path.parent_path()].synced.erase(path.filename());
+}
+
+void SimulatedDisk::MakeUnreadable(const Path& path) {
+  const std::lock_guard lock(mutex_);
+  folders_[path.parent_path()].names.at(path.filename())->readable = false;
+}
+
+std::optional<Error> SimulatedDisk::Step() {
+  const std::uint64_t number = operations_++;
+  if (die_at_ && number >= *die_at_) return Error{ErrorCode::kIo, "the process has died"};
+  if (fail_at_ && number == *fail_at_) return Error{fail_code_, "a fault was asked for"};
+  return std::nullopt;
+}
+
+std::optional<Error> SimulatedDisk::WriteStep() {
+  if (std::optional<Error> fault = Step()) return fault;
+  if (read_only_) return Error{ErrorCode::kStoreFull, "the disk is read-only"};
+  return std::nullopt;
+}
+
+SimulatedDisk::Folder* SimulatedDisk::FolderOf(const Path& path) {
+  const auto folder = folders_.find(path.parent_path());
+  return folder == folders_.end() ? nullptr : &folder->second;
+}
+
+std::uint64_t SimulatedDisk::Used() const {
+  std::uint64_t used = 0;
+  for (const auto& [path, folder] : folders_) {
+    for (const auto& [name, inode] : folder.names) used += inode->contents.size();
+  }
+  return used;
+}
+
+Result<std::unique_ptr<core::WritableFile>> SimulatedDisk::Create(const Path& path) {
+  const std::lock_guard lock(mutex_);
+  if (std::optional<Error> fault = WriteStep()) return *std::move(fault);
+  Folder* folder = FolderOf(path);
+  if (folder == nullptr) return Error{ErrorCode::kNotFound, "no such folder"};
+  auto inode = std::make_shared<Inode>();
+  inode->modified_ms = ++clock_ms_;
+  if (!folder->names.emplace(path.filename(), inode).second) {
+    return Error{ErrorCode::kIo, "the name is taken"};
+  }
+  return std::unique_ptr<core::WritableFile>(std::make_unique<File>(this, std::move(inode)));
+}
+
+Result<std::unique_ptr<core::ReadableFile>> SimulatedDisk::Open(const Path& path) {
+  const std::lock_guard lock(mutex_);
+  if (std::optional<Error> fault = Step()) return *std::move(fault);
+  Folder* folder = FolderOf(path);
+  if (folder == nullptr) return Error{ErrorCode::kNotFound, "no such folder"};
+  const auto file = folder->names.find(path.filename());
+  if (file == folder->names.end()) return Error{ErrorCode::kNotFound, "no such file"};
+  if (!file->second->readable) return Error{ErrorCode::kCorrupt, "no regular file"};
+  return std::unique_ptr<core::ReadableFile>(std::make_unique<Reader>(this, file->second));
+}
+
+Status SimulatedDisk::Rename(const Path& from, const Path& to) {
+  const std::lock_guard lock(mutex_);
+  if (std::optional<Error> fault = WriteStep()) return *std::move(fault);
+  Folder* source = FolderOf(from);
+  Folder* target = FolderOf(to);
+  if (source == nullptr || target == nullptr) return Error{ErrorCode::kNotFound, "no such folder"};
+  const auto file = source->names.find(from.filename());
+  if (file == source->names.end()) return Error{ErrorCode::kNotFound, "no such file"};
+  const std::shared_ptr<Inode> inode = file->second;
+  source->names.erase(file);
+  target->names[to.filename()] = inode;
+  return {};
+}
+
+Status SimulatedDisk::Remove(const Path& path) {
+  const std::lock_guard lock(mutex_);
+  if (std::optional<Error> fault = WriteStep()) return *std::move(fault);
+  Folder* folder = FolderOf(path);
+  if (folder == nullptr || folder->names.erase(path.filename()) == 0) {
+    return Error{ErrorCode::kNotFound, "no such file"};
+  }
+  return {};
+}
+
+Status SimulatedDisk::SyncDirectory(const Path& path) {
+  const std::lock_guard lock(mutex_);
+  if (std::optional<Error> fault = WriteStep()) return *std::move(fault);
+  const auto folder = folders_.find(path);
+  if (folder == folders_.end()) return Error{ErrorCode::kNotFound, "no such folder"};
+  folder->second.synced = folder->second.names;
+  return {};
+}
+
+Status SimulatedDisk::MakeDirectory(const Path& path) {
+  const std::lock_guard lock(mutex_);
+  if (std::optional<Error> fault = Step()) return *std::move(fault);
+  if (folders_.contains(path)) return {};
+  if (read_only_) return Error{ErrorCode::kStoreFull, "the disk is read-only"};
+  folders_[path];
+  return {};
+}
+
+Result<std::vector<core::FileInfo>> SimulatedDisk::List(const Path& directory) {
+  const std::lock_guard lock(mutex_);
+  if (std::optional<Error> fault = Step()) return *std::move(fault);
+  const auto folder = folders_.find(directory);
+  if (folder == folders_.end()) return Error{ErrorCode::kNotFound, "no such folder"};
+  std::vector<core::FileInfo> files;
+  for (const auto& [name, inode] : folder->second.names) {
+    files.push_back({name, inode->contents.size(), inode->modified_ms, inode->readable});
+  }
+  return files;
+}
+
+Status SimulatedDisk::Touch(const Path& path) {
+  const std::lock_guard lock(mutex_);
+  if (std::optional<Error> fault = WriteStep()) return *std::move(fault);
+  Folder* folder = FolderOf(path);
+  const auto file = folder->names.find(path.filename());
+  if (file == folder->names.end()) return Error{ErrorCode::kNotFound, "no such file"};
+  file->second->modified_ms = ++clock_ms_;
+  return {};
+}
+
+Result<std::uint64_t> SimulatedDisk::FreeBytes(const Path&) {
+  const std::lock_guard lock(mutex_);
+  if (std::optional<Error> fault = Step()) return *std::move(fault);
+  const std::uint64_t used = Used();
+  if (!capacity_) return std::uint64_t{1} << 50;
+  return *capacity_ > used ? *capacity_ - used : 0;
+}
+
+Result<std::unique_ptr<core::FileLock>> SimulatedDisk::Lock(const Path& path) {
+  const std::lock_guard lock(mutex_);
+  if (std::optional<Error> fault = Step()) return *std::move(fault);
+  if (locked_[path]) return Error{ErrorCode::kInvalidArgument, "another process has it"};
+  locked_[path] = true;
+  return std::unique_ptr<core::FileLock>(std::make_unique<HeldLock>(this, path));
+}
+
+}  // namespace kdray::test

@@ -1,0 +1,95 @@
+// A disk in memory that can fail at any operation, fill up, become read-only, and lose what was
+// not synced: what a crash or a power failure leaves behind, without one.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/store/file_system.h"
+
+namespace kdray::test {
+
+/// Safe from many threads at once. Folders are durable as soon as they are made; names in them are
+/// after SyncDirectory, contents of files after Sync.
+class SimulatedDisk final : public core::FileSystem {
+ public:
+  /// What a power failure takes of what was not synced.
+  enum class Loss {
+    kNothing,     ///< only the process ended
+    kContents,    ///< names had reached the disk, contents had not: files are cut to half
+    kEverything,  ///< neither had
+  };
+
+  /// Operation number `n` from now (0: the next) fails once; a write leaves half of its bytes.
+  void FailAt(std::uint64_t n, core::ErrorCode code);
+  /// Operation number `n` from now and all after it fail: the process has died.
+  void DieAt(std::uint64_t n);
+  /// Back to life after a crash: no more faults, locks free.
+  void Restart(Loss loss);
+  /// Operations since the last FailAt, DieAt or Restart.
+  std::uint64_t operations() const;
+
+  void set_capacity(std::optional<std::uint64_t> bytes);
+  void set_read_only(bool read_only);
+
+  // Behind the store's back. Paths as the store names them.
+  std::vector<std::string> FilesIn(const Path& directory) const;
+  std::optional<std::vector<std::byte>> Contents(const Path& path) const;
+  void SetContents(const Path& path, std::vector<std::byte> contents);
+  void Erase(const Path& path);
+  /// What stands there is no regular file of this user from now on.
+  void MakeUnreadable(const Path& path);
+
+  core::Result<std::unique_ptr<core::WritableFile>> Create(const Path& path) override;
+  core::Result<std::unique_ptr<core::ReadableFile>> Open(const Path& path) override;
+  core::Status Rename(const Path& from, const Path& to) override;
+  core::Status Remove(const Path& path) override;
+  core::Status SyncDirectory(const Path& path) override;
+  core::Status MakeDirectory(const Path& path) override;
+  core::Result<std::vector<core::FileInfo>> List(const Path& directory) override;
+  core::Status Touch(const Path& path) override;
+  core::Result<std::uint64_t> FreeBytes(const Path& directory) override;
+  core::Result<std::unique_ptr<core::FileLock>> Lock(const Path& path) override;
+
+ private:
+  struct Inode {
+    std::vector<std::byte> contents;
+    std::optional<std::vector<std::byte>> synced;
+    std::int64_t modified_ms = 0;
+    bool readable = true;
+  };
+  struct Folder {
+    std::map<std::string, std::shared_ptr<Inode>> names;
+    std::map<std::string, std::shared_ptr<Inode>> synced;
+  };
+  class File;
+  class Reader;
+  class HeldLock;
+
+  // With mutex_ held:
+  std::optional<core::Error> Step();       // counts an operation; the fault that is due
+  std::optional<core::Error> WriteStep();  // as Step, for operations that change something
+  Folder* FolderOf(const Path& path);
+  std::uint64_t Used() const;
+
+  mutable std::mutex mutex_;
+  std::map<Path, Folder> folders_;
+  std::map<Path, bool> locked_;
+  std::uint64_t operations_ = 0;
+  std::optional<std::uint64_t> fail_at_;
+  std::optional<std::uint64_t> die_at_;
+  core::ErrorCode fail_code_ = core::ErrorCode::kIo;
+  std::optional<std::uint64_t> capacity_;
+  bool read_only_ = false;
+  std::int64_t clock_ms_ = 1'600'000'000'000;
+  std::uint64_t life_ = 0;  // files opened before a restart are dead
+};
+
+}  // namespace kdray::test
