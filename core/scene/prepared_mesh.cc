@@ -1,0 +1,34 @@
+#include "core/scene/prepared_mesh.h"
+
+#include <chrono>
+#include <utility>
+
+#include "core/io/mesh_reader.h"
+
+namespace kdray::core {
+
+Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelToken& cancel) {
+  const auto start = std::chrono::steady_clock::now();
+  const Result<MeshData> data = ReadMesh(bytes, MeshReadOptions{cancel});
+  if (!data.ok()) return data.error();
+  Result<TriangleMesh> mesh = TriangleMesh::Create(*data);
+  if (!mesh.ok()) return std::move(mesh).error();
+
+  MeshFacts facts;
+  facts.format = data->format;
+  facts.file_bytes = bytes.size();
+  facts.triangles = mesh->triangle_count();
+  facts.dropped = data->dropped;
+  facts.vertices = mesh->vertex_count();
+  facts.bounds = mesh->bounds();
+  facts.health = CheckHealth(*mesh, *data);
+  facts.double_vertices = mesh->has_double_vertices();
+  facts.frame = mesh->frame();
+  facts.auto_precision = AutoPrecision(*mesh);
+  facts.memory_bytes = mesh->bytes();
+  facts.parse_ms =
+      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  return PreparedMesh{std::move(facts), *std::move(mesh)};
+}
+
+}  // namespace kdray::core

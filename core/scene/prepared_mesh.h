@@ -1,0 +1,58 @@
+// What becomes of a mesh file: the mesh that queries run on, and all that can be said about it
+// without keeping it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "core/base/cancel.h"
+#include "core/base/result.h"
+#include "core/geometry/bounds3.h"
+#include "core/geometry/mesh_health.h"
+#include "core/geometry/triangle_mesh.h"
+#include "core/trace/precision.h"
+#include "core/tree/build_kind.h"
+#include "core/tree/tree_stats.h"
+
+namespace kdray::core {
+
+struct MeshFacts {
+  MeshFormat format = MeshFormat::kObj;
+  std::uint64_t file_bytes = 0;
+  std::uint64_t triangles = 0;
+  std::uint64_t dropped = 0;   ///< faces with fewer than three corners; they have no number
+  std::uint64_t vertices = 0;  ///< as stored in the file
+  Bounds3d bounds;             ///< world units; of the vertices that triangles use
+  MeshHealth health;
+  bool double_vertices = false;  ///< local vertices are kept in double
+  MeshFrame frame;
+  Precision auto_precision = Precision::kWatertight;  ///< what `auto` means for it
+  std::uint64_t memory_bytes = 0;                     ///< of the mesh in memory
+  double parse_ms = 0;  ///< time from bytes to mesh, health included, when it was parsed
+  friend bool operator==(const MeshFacts&, const MeshFacts&) = default;
+};
+
+struct PreparedMesh {
+  MeshFacts facts;
+  TriangleMesh mesh;
+};
+
+/// Parses, validates and judges a mesh file, in the caller's arena. Errors: those of ReadMesh and
+/// TriangleMesh::Create.
+Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelToken& cancel);
+
+/// Memory that PrepareMesh is expected to hold at its peak, `file_bytes` of input included: the
+/// input, twice as much for the parser (ReadMesh) and twice as much for what comes out, which is
+/// what binary PLY and STL need; a text file needs less.
+constexpr std::uint64_t EstimatePrepareBytes(std::uint64_t file_bytes) { return 5 * file_bytes; }
+
+/// What can be said about a tree without keeping it.
+struct TreeFacts {
+  BuildKind build = BuildKind::kBox;
+  TreeStats stats;
+  double build_ms = 0;  ///< when it was built
+  friend bool operator==(const TreeFacts&, const TreeFacts&) = default;
+};
+
+}  // namespace kdray::core
