@@ -1,0 +1,87 @@
+#include "core/store/catalog.h"
+
+#include <string>
+#include <utility>
+
+#include "core/store/checked_file.h"
+#include "core/store/facts_codec.h"
+
+namespace kdray::core {
+namespace {
+
+// Raise the version whenever the layout below, or the meaning of a fact, changes.
+constexpr FileKind kRecordFileKind{"kdraycat", 1};
+
+void PutTreeFacts(const TreeFacts& facts, CheckedWriter* writer) {
+  PutEnum(facts.build, writer);
+  PutTreeStats(facts.stats, writer);
+  writer->Put(facts.build_ms);
+}
+
+TreeFacts GetTreeFacts(CheckedReader* reader) {
+  TreeFacts facts;
+  facts.build = GetEnum(BuildKind::kBox, reader);
+  facts.stats = GetTreeStats(reader);
+  facts.build_ms = reader->Get<double>();
+  return facts;
+}
+
+}  // namespace
+
+Status Catalog::Save(const TreeRecord& record) {
+  Result<NewBlob> blob = blobs_.Create();
+  if (!blob.ok()) return std::move(blob).error();
+  CheckedWriter writer(*std::move(blob), kRecordFileKind);
+  const std::string name = record.id.ToString();
+  writer.PutArray(std::span(name));
+  writer.Put(record.created_ms);
+  writer.Put(record.mesh_bytes);
+  PutBool(record.mesh.has_value(), &writer);
+  if (record.mesh) PutMeshFacts(*record.mesh, &writer);
+  PutBool(record.tree.has_value(), &writer);
+  if (record.tree) PutTreeFacts(*record.tree, &writer);
+  Result<NewBlob> written = std::move(writer).Finish();
+  if (!written.ok()) return std::move(written).error();
+  return written->Commit(name);
+}
+
+Result<TreeRecord> Catalog::Read(const TreeId& id) const {
+  const std::string name = id.ToString();
+  Result<std::unique_ptr<ReadableFile>> file = blobs_.Read(name);
+  if (!file.ok()) return std::move(file).error();
+  CheckedReader reader(*std::move(file), kRecordFileKind);
+  const std::vector<char> stored_name = reader.GetArray<char>();
+  if (std::string_view(stored_name.data(), stored_name.size()) != name) reader.Fail();
+  TreeRecord record;
+  record.id = id;
+  record.created_ms = reader.Get<std::int64_t>();
+  record.mesh_bytes = reader.Get<std::uint64_t>();
+  if (GetBool(&reader)) record.mesh = GetMeshFacts(&reader);
+  if (GetBool(&reader)) record.tree = GetTreeFacts(&reader);
+  if (Status status = reader.Finish(); !status.ok()) return std::move(status).error();
+  return record;
+}
+
+Result<Catalog::Contents> Catalog::Load() const {
+  const Result<std::vector<FileInfo>> files = blobs_.List();
+  if (!files.ok()) return files.error();
+  Contents contents;
+  for (const FileInfo& file : *files) {
+    const std::optional<TreeId> id = ParseTreeId(file.name);
+    if (!id) continue;
+    Result<TreeRecord> record = Read(*id);
+    if (!record.ok()) {
+      ++contents.damaged;
+      TreeRecord wanted;
+      wanted.id = *id;
+      wanted.created_ms = file.modified_ms;
+      record = std::move(wanted);
+    }
+    contents.records.push_back(*std::move(record));
+  }
+  return contents;
+}
+
+Status Catalog::Remove(const TreeId& id) { return blobs_.Remove(id.ToString()); }
+
+}  // namespace kdray::core

@@ -1,0 +1,159 @@
+#include "core/store/checked_file.h"
+
+#include <array>
+#include <cassert>
+#include <cstring>
+#include <utility>
+
+namespace kdray::core {
+namespace {
+
+constexpr std::uint32_t kByteOrderMark = 0x01020304;
+constexpr std::size_t kBufferBytes = 64 * 1024;
+
+struct Header {
+  std::array<char, 8> magic{};
+  std::uint32_t version = 0;
+  std::uint32_t byte_order = 0;
+  friend bool operator==(const Header&, const Header&) = default;
+};
+static_assert(sizeof(Header) == 16);
+
+struct Footer {
+  std::uint64_t payload_bytes = 0;
+  Sha256Digest digest;
+};
+static_assert(sizeof(Footer) == 40);
+
+Header HeaderOf(const FileKind& kind) {
+  Header header;
+  assert(kind.magic.size() == header.magic.size());
+  std::copy(kind.magic.begin(), kind.magic.end(), header.magic.begin());
+  header.version = kind.version;
+  header.byte_order = kByteOrderMark;
+  return header;
+}
+
+template <class T>
+std::span<const std::byte> BytesOf(const T& value) {
+  return std::as_bytes(std::span(&value, 1));
+}
+
+Error Corrupt(const char* what) {
+  return Error{ErrorCode::kCorrupt, std::string("a stored file ") + what};
+}
+
+}  // namespace
+
+CheckedWriter::CheckedWriter(NewBlob blob, const FileKind& kind)
+    : blob_(std::move(blob)), buffer_(kBufferBytes) {
+  PutBytes(BytesOf(HeaderOf(kind)));
+  payload_bytes_ = 0;
+}
+
+void CheckedWriter::PutBytes(std::span<const std::byte> bytes) {
+  payload_bytes_ += bytes.size();
+  if (bytes.size() > buffer_.size() - buffered_) Flush();
+  if (bytes.size() > buffer_.size()) {
+    hash_.Update(bytes);
+    if (status_.ok()) status_ = blob_.Append(bytes);
+    return;
+  }
+  std::copy(bytes.begin(), bytes.end(), buffer_.begin() + static_cast<std::ptrdiff_t>(buffered_));
+  buffered_ += bytes.size();
+}
+
+void CheckedWriter::Flush() {
+  const auto bytes = std::span<const std::byte>(buffer_).first(buffered_);
+  hash_.Update(bytes);
+  if (status_.ok()) status_ = blob_.Append(bytes);
+  buffered_ = 0;
+}
+
+Result<NewBlob> CheckedWriter::Finish() && {
+  Footer footer;
+  footer.payload_bytes = payload_bytes_;
+  PutBytes(BytesOf(footer.payload_bytes));
+  Flush();
+  footer.digest = hash_.Finish();
+  if (status_.ok()) status_ = blob_.Append(BytesOf(footer.digest));
+  if (status_.ok()) status_ = blob_.Sync();
+  if (!status_.ok()) return std::move(status_).error();
+  return std::move(blob_);
+}
+
+CheckedReader::CheckedReader(std::unique_ptr<ReadableFile> file, const FileKind& kind)
+    : file_(std::move(file)) {
+  const std::uint64_t size = file_->size();
+  if (size < sizeof(Header) + sizeof(Footer)) {
+    status_ = Corrupt("is too short");
+    return;
+  }
+  payload_bytes_ = size - sizeof(Header) - sizeof(Footer);
+  remaining_ = sizeof(Header);
+  Header header;
+  GetBytes(std::as_writable_bytes(std::span(&header, 1)));
+  if (status_.ok() && header != HeaderOf(kind)) {
+    status_ = Corrupt("has another format or version");
+  }
+  remaining_ = payload_bytes_;
+}
+
+void CheckedReader::GetBytes(std::span<std::byte> out) {
+  if (status_.ok() && out.size() > remaining_) status_ = Corrupt("says more than it holds");
+  if (status_.ok() && Fill(out)) {
+    remaining_ -= out.size();
+    return;
+  }
+  std::fill(out.begin(), out.end(), std::byte{0});
+}
+
+// Small pieces come out of a buffer, large ones straight from the file.
+bool CheckedReader::Fill(std::span<std::byte> out) {
+  const std::size_t buffered = std::min(out.size(), buffer_.size() - buffer_next_);
+  std::copy_n(buffer_.begin() + static_cast<std::ptrdiff_t>(buffer_next_), buffered, out.begin());
+  buffer_next_ += buffered;
+  out = out.subspan(buffered);
+  if (out.empty()) return true;
+
+  const std::uint64_t end_of_payload = sizeof(Header) + payload_bytes_;
+  if (out.size() >= kBufferBytes) {
+    status_ = file_->ReadAt(offset_, out);
+    if (!status_.ok()) return false;
+    hash_.Update(out);
+    offset_ += out.size();
+    return true;
+  }
+  buffer_.resize(
+      static_cast<std::size_t>(std::min<std::uint64_t>(kBufferBytes, end_of_payload - offset_)));
+  buffer_next_ = 0;
+  status_ = file_->ReadAt(offset_, buffer_);
+  if (!status_.ok()) return false;
+  hash_.Update(buffer_);
+  offset_ += buffer_.size();
+  std::copy_n(buffer_.begin(), out.size(), out.begin());
+  buffer_next_ = out.size();
+  return true;
+}
+
+void CheckedReader::Fail() {
+  if (status_.ok()) status_ = Corrupt("holds a value that cannot be");
+}
+
+Status CheckedReader::Finish() {
+  if (status_.ok() && remaining_ != 0) status_ = Corrupt("holds more than it says");
+  if (!status_.ok()) return status_;
+  Footer footer;
+  std::array<std::byte, sizeof(Footer)> bytes;
+  status_ = file_->ReadAt(sizeof(Header) + payload_bytes_, bytes);
+  if (!status_.ok()) return status_;
+  std::memcpy(&footer.payload_bytes, bytes.data(), sizeof footer.payload_bytes);
+  std::memcpy(&footer.digest, bytes.data() + sizeof footer.payload_bytes, sizeof footer.digest);
+  hash_.Update(BytesOf(footer.payload_bytes));
+  if (footer.payload_bytes != payload_bytes_ || hash_.Finish() != footer.digest) {
+    status_ = Corrupt("fails its check");
+  }
+  return status_;
+}
+
+}  // namespace kdray::core

@@ -1,0 +1,82 @@
+#include "core/store/disk_usage.h"
+
+namespace kdray::core {
+
+DiskRoom::~DiskRoom() {
+  if (usage_ == nullptr) return;
+  const std::lock_guard lock(usage_->mutex_);
+  usage_->reserved_ -= bytes_;
+}
+
+void DiskUsage::Erase(Group* group, std::list<File>::iterator file) {
+  group->bytes -= file->bytes;
+  group->index.erase(group->index.find(file->name));
+  group->files.erase(file);
+}
+
+void DiskUsage::Set(FileGroup group, std::string_view name, std::uint64_t bytes) {
+  const std::lock_guard lock(mutex_);
+  Group& g = At(group);
+  if (const auto found = g.index.find(name); found != g.index.end()) Erase(&g, found->second);
+  g.files.push_front({std::string(name), bytes});
+  g.index.emplace(name, g.files.begin());
+  g.bytes += bytes;
+}
+
+bool DiskUsage::Drop(FileGroup group, std::string_view name) {
+  const std::lock_guard lock(mutex_);
+  Group& g = At(group);
+  const auto found = g.index.find(name);
+  if (found == g.index.end()) return false;
+  Erase(&g, found->second);
+  return true;
+}
+
+void DiskUsage::Use(FileGroup group, std::string_view name) {
+  const std::lock_guard lock(mutex_);
+  Group& g = At(group);
+  const auto found = g.index.find(name);
+  if (found != g.index.end()) g.files.splice(g.files.begin(), g.files, found->second);
+}
+
+std::optional<DiskRoom> DiskUsage::TryReserve(std::uint64_t bytes) {
+  const std::lock_guard lock(mutex_);
+  if (!Fits(bytes, TotalLocked() + reserved_)) return std::nullopt;
+  reserved_ += bytes;
+  return DiskRoom(this, bytes);
+}
+
+bool DiskUsage::FitsBesideMeshes(std::uint64_t bytes) const {
+  const std::lock_guard lock(mutex_);
+  return Fits(bytes, At(FileGroup::kMeshes).bytes + reserved_);
+}
+
+std::optional<std::string> DiskUsage::Oldest(FileGroup group,
+                                             const std::set<std::string>& except) const {
+  const std::lock_guard lock(mutex_);
+  const std::list<File>& files = At(group).files;
+  for (auto file = files.rbegin(); file != files.rend(); ++file) {
+    if (!except.contains(file->name)) return file->name;
+  }
+  return std::nullopt;
+}
+
+std::uint64_t DiskUsage::BytesOf(FileGroup group, std::string_view name) const {
+  const std::lock_guard lock(mutex_);
+  const Group& g = At(group);
+  const auto found = g.index.find(name);
+  return found == g.index.end() ? 0 : found->second->bytes;
+}
+
+std::uint64_t DiskUsage::TotalLocked() const {
+  std::uint64_t total = 0;
+  for (const Group& group : groups_) total += group.bytes;
+  return total;
+}
+
+std::uint64_t DiskUsage::total() const {
+  const std::lock_guard lock(mutex_);
+  return TotalLocked();
+}
+
+}  // namespace kdray::core

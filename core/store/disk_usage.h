@@ -1,0 +1,91 @@
+// What lies in the data directory, how much of it there may be, and what was used least recently.
+// Only bookkeeping: core/store/scene_store.h does the disk work.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <list>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace kdray::core {
+
+/// The folders whose files count. A catalog entry of about a kilobyte does not.
+enum class FileGroup : std::uint8_t { kMeshes, kParsed, kTrees };
+inline constexpr std::size_t kFileGroups = 3;
+
+class DiskUsage;
+
+/// Room that a file on its way will take; given back when destroyed. One thread at a time.
+class DiskRoom {
+ public:
+  DiskRoom(DiskRoom&& other) noexcept
+      : usage_(std::exchange(other.usage_, nullptr)), bytes_(other.bytes_) {}
+  DiskRoom& operator=(DiskRoom&&) = delete;
+  ~DiskRoom();
+
+ private:
+  friend class DiskUsage;
+  DiskRoom(DiskUsage* usage, std::uint64_t bytes) : usage_(usage), bytes_(bytes) {}
+  DiskUsage* usage_;
+  std::uint64_t bytes_;
+};
+
+/// Safe from many threads at once.
+class DiskUsage {
+ public:
+  explicit DiskUsage(std::optional<std::uint64_t> limit_bytes) : limit_(limit_bytes) {}
+
+  /// A file is there now, and was used just now.
+  void Set(FileGroup group, std::string_view name, std::uint64_t bytes);
+  /// False when it was not there.
+  bool Drop(FileGroup group, std::string_view name);
+  void Use(FileGroup group, std::string_view name);
+
+  /// Nothing when it would go beyond the limit.
+  std::optional<DiskRoom> TryReserve(std::uint64_t bytes);
+  /// Whether there would be room for `bytes` with no derived file left.
+  bool FitsBesideMeshes(std::uint64_t bytes) const;
+  /// The file of a group that was used least recently, but for those in `except`.
+  std::optional<std::string> Oldest(FileGroup group,
+                                    const std::set<std::string>& except = {}) const;
+
+  /// Of a file, 0 when it is not there.
+  std::uint64_t BytesOf(FileGroup group, std::string_view name) const;
+  /// All files; room that is only reserved is not counted.
+  std::uint64_t total() const;
+  std::optional<std::uint64_t> limit() const { return limit_; }
+
+ private:
+  friend class DiskRoom;
+  struct File {
+    std::string name;
+    std::uint64_t bytes;
+  };
+  struct Group {
+    std::list<File> files;  // most recently used first
+    std::map<std::string, std::list<File>::iterator, std::less<>> index;
+    std::uint64_t bytes = 0;
+  };
+  void Erase(Group* group, std::list<File>::iterator file);
+  bool Fits(std::uint64_t bytes, std::uint64_t used) const {
+    return !limit_ || (used <= *limit_ && bytes <= *limit_ - used);
+  }
+  std::uint64_t TotalLocked() const;
+  Group& At(FileGroup group) { return groups_[static_cast<std::size_t>(group)]; }
+  const Group& At(FileGroup group) const { return groups_[static_cast<std::size_t>(group)]; }
+
+  const std::optional<std::uint64_t> limit_;
+  mutable std::mutex mutex_;
+  std::array<Group, kFileGroups> groups_;
+  std::uint64_t reserved_ = 0;
+};
+
+}  // namespace kdray::core

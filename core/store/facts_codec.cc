@@ -1,0 +1,84 @@
+#include "core/store/facts_codec.h"
+
+namespace kdray::core {
+
+void PutBool(bool value, CheckedWriter* writer) {
+  writer->Put(static_cast<std::uint8_t>(value ? 1 : 0));
+}
+bool GetBool(CheckedReader* reader) { return reader->GetBelow(std::uint8_t{2}) == 1; }
+
+void PutMeshFacts(const MeshFacts& facts, CheckedWriter* writer) {
+  PutEnum(facts.format, writer);
+  writer->Put(facts.file_bytes);
+  writer->Put(facts.triangles);
+  writer->Put(facts.dropped);
+  writer->Put(facts.vertices);
+  writer->Put(facts.bounds);
+  writer->Put(facts.health.degenerate);
+  writer->Put(facts.health.duplicate);
+  writer->Put(facts.health.concave);
+  writer->Put(facts.health.open_edges);
+  writer->Put(facts.health.non_manifold_edges);
+  PutBool(facts.health.closed, writer);
+  writer->Put(facts.health.coordinate_resolution);
+  PutBool(facts.double_vertices, writer);
+  writer->Put(facts.frame.origin);
+  writer->Put(std::int32_t{facts.frame.exponent});
+  PutEnum(facts.auto_precision, writer);
+  writer->Put(facts.memory_bytes);
+  writer->Put(facts.parse_ms);
+}
+
+MeshFacts GetMeshFacts(CheckedReader* reader) {
+  MeshFacts facts;
+  facts.format = GetEnum(MeshFormat::kOff, reader);
+  facts.file_bytes = reader->Get<std::uint64_t>();
+  facts.triangles = reader->Get<std::uint64_t>();
+  facts.dropped = reader->Get<std::uint64_t>();
+  facts.vertices = reader->Get<std::uint64_t>();
+  facts.bounds = reader->Get<Bounds3d>();
+  facts.health.degenerate = reader->Get<std::uint64_t>();
+  facts.health.duplicate = reader->Get<std::uint64_t>();
+  facts.health.concave = reader->Get<std::uint64_t>();
+  facts.health.open_edges = reader->Get<std::uint64_t>();
+  facts.health.non_manifold_edges = reader->Get<std::uint64_t>();
+  facts.health.closed = GetBool(reader);
+  facts.health.coordinate_resolution = reader->Get<double>();
+  facts.double_vertices = GetBool(reader);
+  facts.frame.origin = reader->Get<Vec3d>();
+  facts.frame.exponent = reader->Get<std::int32_t>();
+  facts.auto_precision = GetEnum(Precision::kExact, reader);
+  facts.memory_bytes = reader->Get<std::uint64_t>();
+  facts.parse_ms = reader->Get<double>();
+  return facts;
+}
+
+void PutTreeStats(const TreeStats& stats, CheckedWriter* writer) {
+  writer->Put(stats.nodes);
+  writer->Put(stats.leaves);
+  writer->Put(stats.empty_leaves);
+  writer->Put(stats.references);
+  writer->Put(stats.max_depth);
+  writer->PutArray(std::span(stats.leaf_histogram));
+  writer->Put(stats.bytes);
+  writer->Put(stats.sah_cost);
+  writer->Put(stats.traversal_cost);
+  writer->Put(stats.intersection_cost);
+}
+
+TreeStats GetTreeStats(CheckedReader* reader) {
+  TreeStats stats;
+  stats.nodes = reader->Get<std::uint64_t>();
+  stats.leaves = reader->Get<std::uint64_t>();
+  stats.empty_leaves = reader->Get<std::uint64_t>();
+  stats.references = reader->Get<std::uint64_t>();
+  stats.max_depth = reader->Get<std::uint32_t>();
+  stats.leaf_histogram = reader->GetArray<std::uint64_t>();
+  stats.bytes = reader->Get<std::uint64_t>();
+  stats.sah_cost = reader->Get<double>();
+  stats.traversal_cost = reader->Get<double>();
+  stats.intersection_cost = reader->Get<double>();
+  return stats;
+}
+
+}  // namespace kdray::core

@@ -1,0 +1,39 @@
+// How the facts about meshes and trees stand in stored files.
+#pragma once
+
+#include "core/scene/prepared_mesh.h"
+#include "core/store/checked_file.h"
+
+namespace kdray::core {
+
+template <>
+inline constexpr bool kStorable<Vec3f> = true;
+template <>
+inline constexpr bool kStorable<Vec3d> = true;
+template <>
+inline constexpr bool kStorable<Bounds3f> = true;
+template <>
+inline constexpr bool kStorable<Bounds3d> = true;
+template <>
+inline constexpr bool kStorable<Sha256Digest> = true;
+
+/// A number of an enumeration; reading fails beyond `last`.
+template <class Enum>
+void PutEnum(Enum value, CheckedWriter* writer) {
+  writer->Put(static_cast<std::uint8_t>(value));
+}
+template <class Enum>
+Enum GetEnum(Enum last, CheckedReader* reader) {
+  const int end = static_cast<int>(last) + 1;
+  return static_cast<Enum>(reader->GetBelow(static_cast<std::uint8_t>(end)));
+}
+void PutBool(bool value, CheckedWriter* writer);
+bool GetBool(CheckedReader* reader);
+
+void PutMeshFacts(const MeshFacts& facts, CheckedWriter* writer);
+MeshFacts GetMeshFacts(CheckedReader* reader);
+
+void PutTreeStats(const TreeStats& stats, CheckedWriter* writer);
+TreeStats GetTreeStats(CheckedReader* reader);
+
+}  // namespace kdray::core

@@ -1,0 +1,22 @@
+// A parsed mesh on disk, so that a restart reads numbers instead of parsing text. Derived from the
+// mesh file's bytes: a damaged or lost one is made again.
+#pragma once
+
+#include <memory>
+
+#include "core/base/hash.h"
+#include "core/base/result.h"
+#include "core/scene/prepared_mesh.h"
+#include "core/store/blob_store.h"
+
+namespace kdray::core {
+
+/// Writes everything; what comes back has only to be named (NewBlob::Commit). `mesh` is the digest
+/// of the mesh file's bytes. Errors: those of FileSystem.
+Result<NewBlob> WriteMeshFile(const Sha256Digest& mesh, const PreparedMesh& prepared, NewBlob blob);
+
+/// The same mesh, bit for bit. kCorrupt for a file that is damaged, of another version or byte
+/// order, or of another mesh.
+Result<PreparedMesh> ReadMeshFile(const Sha256Digest& mesh, std::unique_ptr<ReadableFile> file);
+
+}  // namespace kdray::core

@@ -1,0 +1,142 @@
+// The data directory:
+//   lock              held while a daemon uses the directory
+//   meshes/<sha256>   the uploaded bytes, as they came
+//   catalog/<id>      which trees there are (catalog.h); this is what makes a mesh be there
+//   parsed/<sha256>   derived: the parsed mesh (mesh_file.h)
+//   trees/<sha256>-<build>   derived: the built tree (tree_file.h)
+// Derived files may go at any time; they are made again when they are missed.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/base/hash.h"
+#include "core/base/result.h"
+#include "core/scene/prepared_mesh.h"
+#include "core/scene/tree.h"
+#include "core/store/blob_store.h"
+#include "core/store/catalog.h"
+#include "core/store/disk_usage.h"
+#include "core/store/file_system.h"
+#include "core/store/tree_file.h"
+
+namespace kdray::core {
+
+/// A mesh file on its way in: hashed and written while it arrives. Destroyed, it leaves nothing.
+/// One thread at a time.
+class NewMesh {
+ public:
+  Status Append(std::span<const std::byte> bytes) {
+    hash_.Update(bytes);
+    return blob_.Append(bytes);
+  }
+  /// Of all that was appended; call once, at the end.
+  Sha256Digest Digest() { return hash_.Finish(); }
+  /// Puts it on stable storage under a temporary name; SceneStore::Commit names it, and does so
+  /// itself when this was not called.
+  Status Sync() { return blob_.Sync(); }
+  std::uint64_t bytes() const { return blob_.bytes(); }
+
+ private:
+  friend class SceneStore;
+  NewMesh(NewBlob blob, DiskRoom room) : blob_(std::move(blob)), room_(std::move(room)) {}
+
+  NewBlob blob_;
+  DiskRoom room_;
+  Sha256 hash_;
+};
+
+/// Safe from many threads at once, but for two calls that write or remove files of one mesh: the
+/// caller keeps those apart. Nothing here is called under a lock that a query needs.
+class SceneStore {
+ public:
+  struct Options {
+    FileSystem* file_system = nullptr;
+    std::filesystem::path directory;
+    std::optional<std::uint64_t> limit_bytes;  ///< of meshes and derived files together
+  };
+  /// Takes the directory for this process. Errors: kInvalidArgument when another process has it,
+  /// else those of FileSystem.
+  static Result<std::unique_ptr<SceneStore>> Open(const Options& options);
+
+  /// Reads the catalog and removes what no record needs. Call once, after Open. A record whose
+  /// mesh file is gone is dropped.
+  Result<std::vector<TreeRecord>> Load();
+
+  // Meshes.
+
+  /// Removes derived files, least recently used first, until the limit leaves `bytes` free. Nothing
+  /// when that is not enough.
+  std::optional<DiskRoom> MakeRoom(std::uint64_t bytes);
+  /// The mesh to give up next, but for `except` (digests in hexadecimal).
+  std::optional<Sha256Digest> OldestMesh(const std::set<std::string>& except) const;
+  /// kStoreFull when the disk has no room for `bytes`, even without derived files, or cannot be
+  /// written.
+  Result<NewMesh> BeginMesh(std::uint64_t bytes, DiskRoom room);
+  /// Durable when it returns.
+  Status Commit(const Sha256Digest& mesh, NewMesh file);
+  /// kCorrupt unless the bytes have the digest: hashes the whole file.
+  Result<std::unique_ptr<ReadableFile>> OpenMesh(const Sha256Digest& mesh);
+  Result<std::vector<std::byte>> ReadMesh(const Sha256Digest& mesh);
+  /// The mesh file and all that was derived from it.
+  Status RemoveMesh(const Sha256Digest& mesh);
+  /// Notes a use, for OldestMesh.
+  void UseMesh(const Sha256Digest& mesh);
+
+  // Derived files. Writing one that finds no room is no error: it is made again when it is missed.
+
+  /// About the memory that the mesh will take; 0 when there is no file.
+  std::uint64_t PreparedFileBytes(const Sha256Digest& mesh) const;
+  Result<PreparedMesh> ReadPrepared(const Sha256Digest& mesh);
+  void WritePrepared(const Sha256Digest& mesh, const PreparedMesh& prepared);
+  /// As PreparedFileBytes.
+  std::uint64_t TreeFileBytes(const Sha256Digest& mesh, BuildKind build) const;
+  Result<Tree> ReadTree(const TreeFileKey& key);
+  void WriteTree(const TreeFileKey& key, const Tree& tree);
+  void RemoveTree(const Sha256Digest& mesh, BuildKind build);
+
+  // The catalog.
+
+  Status SaveRecord(const TreeRecord& record) { return catalog_.Save(record); }
+  Status RemoveRecord(const TreeId& id) { return catalog_.Remove(id); }
+
+  std::uint64_t bytes() const { return usage_.total(); }
+  std::optional<std::uint64_t> limit() const { return usage_.limit(); }
+  /// Files that failed their check, or that the disk refused to read, since Open.
+  std::uint64_t damaged_files() const { return damaged_; }
+
+ private:
+  explicit SceneStore(const Options& options);
+  BlobStore& Blobs(FileGroup group) { return blobs_[static_cast<std::size_t>(group)]; }
+  void Sweep(const std::set<std::string>& wanted, FileGroup group, std::vector<FileInfo> files);
+  bool RemoveOldestDerived();
+  template <class Write>
+  void WriteDerived(FileGroup group, const std::string& name, std::uint64_t bytes_expected,
+                    const Write& write);
+  Result<std::unique_ptr<ReadableFile>> OpenCounted(FileGroup group, const std::string& name);
+  void CountDamage(const Error& error);
+
+  FileSystem* const file_system_;
+  const std::filesystem::path directory_;
+  std::unique_ptr<FileLock> lock_;
+  std::array<BlobStore, kFileGroups> blobs_;  // by FileGroup
+  Catalog catalog_;
+  DiskUsage usage_;
+  std::atomic<std::uint64_t> damaged_{0};
+
+  std::mutex touched_mutex_;
+  std::map<Sha256Digest, std::chrono::steady_clock::time_point> touched_;
+};
+
+}  // namespace kdray::core

@@ -1,0 +1,314 @@
+// Stored meshes and trees: what comes back is bit for bit what was written, and whatever was done
+// to a file is noticed.
+#include "core/store/tree_file.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/base/hash.h"
+#include "core/store/blob_store.h"
+#include "core/store/mesh_file.h"
+#include "tests/support/mesh_files.h"
+#include "tests/support/shapes.h"
+#include "tests/support/simulated_disk.h"
+
+namespace kdray::core {
+namespace {
+
+using test::SimulatedDisk;
+using FileBytes = std::vector<std::byte>;
+
+const Sha256Digest kMesh = HashBytes(test::Bytes("a mesh"));
+const Sha256Digest kOtherMesh = HashBytes(test::Bytes("another mesh"));
+
+PreparedMesh Prepare(const MeshData& data) {
+  Result<TriangleMesh> mesh = TriangleMesh::Create(data);
+  EXPECT_TRUE(mesh.ok());
+  MeshFacts facts;
+  facts.format = mesh->format();
+  facts.file_bytes = 1234;
+  facts.triangles = mesh->triangle_count();
+  facts.dropped = 7;
+  facts.vertices = mesh->vertex_count();
+  facts.bounds = mesh->bounds();
+  facts.health.closed = true;
+  facts.health.open_edges = 3;
+  facts.health.coordinate_resolution = 1e-7;
+  facts.double_vertices = mesh->has_double_vertices();
+  facts.frame = mesh->frame();
+  facts.auto_precision = AutoPrecision(*mesh);
+  facts.memory_bytes = mesh->bytes();
+  facts.parse_ms = 0.125;
+  return PreparedMesh{facts, *std::move(mesh)};
+}
+
+// One file on a disk of its own, under the name "file".
+class OneFile {
+ public:
+  OneFile() : store_(&disk_, "folder") { EXPECT_TRUE(store_.Open().ok()); }
+
+  NewBlob Create() {
+    Result<NewBlob> blob = store_.Create();
+    EXPECT_TRUE(blob.ok());
+    return *std::move(blob);
+  }
+  FileBytes Commit(Result<NewBlob> written) {
+    EXPECT_TRUE(written.ok() && written->Commit("file").ok());
+    return disk_.Contents("folder/file").value();
+  }
+  std::unique_ptr<ReadableFile> Open(const FileBytes& bytes) {
+    disk_.SetContents("folder/file", bytes);
+    Result<std::unique_ptr<ReadableFile>> file = store_.Read("file");
+    EXPECT_TRUE(file.ok());
+    return *std::move(file);
+  }
+
+ private:
+  SimulatedDisk disk_;
+  BlobStore store_;
+};
+
+FileBytes Write(const TreeFileKey& key, const Tree& tree) {
+  OneFile file;
+  return file.Commit(WriteTreeFile(key, tree, file.Create()));
+}
+Result<Tree> Read(const TreeFileKey& key, const FileBytes& bytes) {
+  OneFile file;
+  return ReadTreeFile(key, file.Open(bytes));
+}
+FileBytes Write(const PreparedMesh& mesh) {
+  OneFile file;
+  return file.Commit(WriteMeshFile(kMesh, mesh, file.Create()));
+}
+Result<PreparedMesh> Read(const Sha256Digest& mesh, const FileBytes& bytes) {
+  OneFile file;
+  return ReadMeshFile(mesh, file.Open(bytes));
+}
+
+struct StoredTree {
+  TreeFileKey key;
+  Tree tree;
+  FileBytes bytes;
+};
+
+StoredTree StoreSphere(BuildKind build) {
+  const PreparedMesh mesh = Prepare(test::UvSphere({1, 2, 3}, 2, 6, 8));
+  Result<Tree> tree = BuildTree(mesh.mesh, build);
+  EXPECT_TRUE(tree.ok());
+  StoredTree stored{{kMesh, mesh.mesh.triangle_count(), build}, *std::move(tree), {}};
+  stored.bytes = Write(stored.key, stored.tree);
+  return stored;
+}
+
+// Gives a file that was changed on purpose a digest that fits, as one who writes such a file on
+// purpose would.
+void FixDigest(FileBytes* bytes) {
+  const std::size_t payload = bytes->size() - 32;
+  const Sha256Digest digest = HashBytes(std::span<const std::byte>(*bytes).first(payload));
+  std::memcpy(bytes->data() + payload, digest.bytes.data(), 32);
+}
+
+// Every damage to `good` that `is_noticed` must notice.
+void ExpectEveryDamageIsNoticed(const FileBytes& good,
+                                const std::function<bool(const FileBytes&)>& is_noticed) {
+  ASSERT_FALSE(is_noticed(good));
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    FileBytes bad = good;
+    bad[i] ^= std::byte{1} << (i % 8);
+    EXPECT_TRUE(is_noticed(bad)) << "a bit of byte " << i << " of " << good.size() << " flipped";
+  }
+  for (std::size_t length = 0; length < good.size(); ++length) {
+    EXPECT_TRUE(is_noticed(FileBytes(good.begin(), good.begin() + std::ptrdiff_t(length))))
+        << "cut to " << length << " of " << good.size();
+  }
+  for (const std::size_t more : {1u, 8u, 40u, 5000u}) {
+    FileBytes bad = good;
+    bad.resize(good.size() + more);
+    EXPECT_TRUE(is_noticed(bad)) << "grown by " << more;
+    FileBytes twice = good;
+    twice.insert(twice.end(), good.begin(), good.begin() + std::ptrdiff_t(more % good.size()));
+    EXPECT_TRUE(is_noticed(twice)) << "grown by its own first " << more;
+  }
+  FileBytes doubled = good;
+  doubled.insert(doubled.end(), good.begin(), good.end());
+  EXPECT_TRUE(is_noticed(doubled));
+  EXPECT_TRUE(is_noticed(FileBytes(good.size())));
+}
+
+TEST(TreeFile, GivesBackTheSameTreeForEveryBuild) {
+  for (const BuildKind build : kAllBuildKinds) {
+    const StoredTree stored = StoreSphere(build);
+    const Result<Tree> read = Read(stored.key, stored.bytes);
+    ASSERT_TRUE(read.ok()) << Name(build) << ": " << read.error().message;
+    EXPECT_EQ(read->build, build);
+    EXPECT_EQ(read->stats, stored.tree.stats);
+    EXPECT_EQ(read->structure.index(), stored.tree.structure.index());
+    EXPECT_EQ(Write(stored.key, *read), stored.bytes) << Name(build);
+  }
+}
+
+TEST(TreeFile, HoldsATreeOverNothingButDegenerateTriangles) {
+  MeshData data;
+  data.vertices = {{0, 0, 0}, {1, 0, 0}};
+  data.triangles = {{0, 1, 1}};
+  const PreparedMesh mesh = Prepare(data);
+  for (const BuildKind build : kAllBuildKinds) {
+    const Result<Tree> tree = BuildTree(mesh.mesh, build);
+    ASSERT_TRUE(tree.ok());
+    const TreeFileKey key{kMesh, 1, build};
+    const FileBytes bytes = Write(key, *tree);
+    const Result<Tree> read = Read(key, bytes);
+    ASSERT_TRUE(read.ok()) << Name(build);
+    EXPECT_EQ(Write(key, *read), bytes);
+  }
+}
+
+TEST(TreeFile, NoticesEveryDamage) {
+  for (const BuildKind build : {BuildKind::kKdSah, BuildKind::kBvh, BuildKind::kBox}) {
+    const StoredTree stored = StoreSphere(build);
+    ExpectEveryDamageIsNoticed(stored.bytes, [&](const FileBytes& bytes) {
+      const Result<Tree> read = Read(stored.key, bytes);
+      return !read.ok() && read.error().code == ErrorCode::kCorrupt;
+    });
+  }
+}
+
+TEST(TreeFile, IsRefusedUnderAnotherKey) {
+  const StoredTree stored = StoreSphere(BuildKind::kKdSah);
+  TreeFileKey key = stored.key;
+  key.mesh = kOtherMesh;
+  EXPECT_FALSE(Read(key, stored.bytes).ok()) << "another mesh";
+  key = stored.key;
+  key.build = BuildKind::kKdBinned;  // the same structure, built otherwise
+  EXPECT_FALSE(Read(key, stored.bytes).ok()) << "another build";
+  key = stored.key;
+  ++key.triangle_count;
+  EXPECT_FALSE(Read(key, stored.bytes).ok()) << "another number of triangles";
+}
+
+TEST(TreeFile, OfAnotherFormatVersionOrByteOrderIsRefusedThoughItsDigestFits) {
+  const StoredTree stored = StoreSphere(BuildKind::kKdSah);
+  // Magic, version, byte-order mark: see checked_file.h.
+  for (const std::size_t byte : {0u, 8u, 12u}) {
+    FileBytes other = stored.bytes;
+    other[byte] ^= std::byte{2};
+    FixDigest(&other);
+    const Result<Tree> read = Read(stored.key, other);
+    ASSERT_FALSE(read.ok()) << "byte " << byte;
+    EXPECT_EQ(read.error().message, "a stored file has another format or version");
+  }
+}
+
+TEST(TreeFile, WithACountBeyondItsLengthAllocatesNothingForIt) {
+  const StoredTree stored = StoreSphere(BuildKind::kKdSah);
+  // Header 16, digest 32, triangles 8, build 1, revision 4, bounds 24; then the number of nodes.
+  const std::size_t count_at = 16 + 32 + 8 + 1 + 4 + 24;
+  std::uint64_t count = 0;
+  std::memcpy(&count, stored.bytes.data() + count_at, sizeof count);
+  ASSERT_EQ(count, stored.tree.stats.nodes) << "the test knows the layout";
+  for (const std::uint64_t lie :
+       {std::uint64_t{1} << 60, ~std::uint64_t{0}, stored.bytes.size() / 8}) {
+    FileBytes other = stored.bytes;
+    std::memcpy(other.data() + count_at, &lie, sizeof lie);
+    FixDigest(&other);
+    const Result<Tree> read = Read(stored.key, other);
+    ASSERT_FALSE(read.ok());
+    EXPECT_EQ(read.error().code, ErrorCode::kCorrupt);
+  }
+}
+
+TEST(TreeFile, WithAStructureThatCannotBeTraversedIsRefusedThoughItsDigestFits) {
+  const StoredTree stored = StoreSphere(BuildKind::kKdSah);
+  Tree bad = stored.tree;
+  auto& tree = std::get<KdTree>(bad.structure);
+  tree.primitives.at(0) = static_cast<PrimitiveId>(stored.key.triangle_count);
+  EXPECT_FALSE(Read(stored.key, Write(stored.key, bad)).ok());
+
+  bad = stored.tree;
+  auto& loop = std::get<KdTree>(bad.structure);
+  ASSERT_FALSE(loop.nodes.at(0).IsLeaf());
+  loop.nodes[0] = KdNode::Interior(loop.nodes[0].axis(), loop.nodes[0].split(), 0);
+  EXPECT_FALSE(Read(stored.key, Write(stored.key, bad)).ok());
+}
+
+TEST(TreeFile, PassesOnAnErrorOfTheDisk) {
+  const StoredTree stored = StoreSphere(BuildKind::kKdSah);
+  SimulatedDisk disk;
+  BlobStore store(&disk, "folder");
+  ASSERT_TRUE(store.Open().ok());
+  disk.SetContents("folder/file", stored.bytes);
+  for (std::uint64_t n = 1; n < 3; ++n) {
+    disk.FailAt(n, ErrorCode::kIo);
+    auto file = store.Read("file");
+    ASSERT_TRUE(file.ok());
+    const Result<Tree> read = ReadTreeFile(stored.key, *std::move(file));
+    ASSERT_FALSE(read.ok()) << "operation " << n;
+    EXPECT_EQ(read.error().code, ErrorCode::kIo);
+  }
+}
+
+std::vector<PreparedMesh> MeshesOfBothVertexTypes() {
+  std::vector<PreparedMesh> meshes;
+  meshes.push_back(Prepare(test::RoundToFloat(test::IcoSphere({0, 0, 0}, 1, 1))));
+  meshes.push_back(Prepare(test::IcoSphere({0.1, 0.2, 0.3}, 1, 1)));
+  MeshData partly_degenerate = test::Soup(37, 0.1, 11);
+  for (std::size_t i = 0; i < 37; i += 5) {
+    partly_degenerate.triangles[i][2] = partly_degenerate.triangles[i][0];
+  }
+  meshes.push_back(Prepare(partly_degenerate));
+  return meshes;
+}
+
+TEST(MeshFile, GivesBackTheSameMesh) {
+  const std::vector<PreparedMesh> meshes = MeshesOfBothVertexTypes();
+  EXPECT_FALSE(meshes[0].mesh.has_double_vertices());
+  EXPECT_TRUE(meshes[1].mesh.has_double_vertices());
+  for (const PreparedMesh& mesh : meshes) {
+    const FileBytes bytes = Write(mesh);
+    const Result<PreparedMesh> read = Read(kMesh, bytes);
+    ASSERT_TRUE(read.ok()) << read.error().message;
+    EXPECT_EQ(read->facts, mesh.facts);
+    EXPECT_EQ(read->mesh.frame(), mesh.mesh.frame());
+    EXPECT_EQ(read->mesh.bounds(), mesh.mesh.bounds());
+    EXPECT_EQ(read->mesh.vertex_count(), mesh.mesh.vertex_count());
+    EXPECT_EQ(read->mesh.degenerate_flags(), mesh.mesh.degenerate_flags());
+    EXPECT_EQ(read->mesh.degenerate_count(), mesh.mesh.degenerate_count());
+    EXPECT_EQ(read->mesh.shortest_edge(), mesh.mesh.shortest_edge());
+    EXPECT_EQ(AutoPrecision(read->mesh), AutoPrecision(mesh.mesh));
+    EXPECT_EQ(read->mesh.bytes(), mesh.mesh.bytes());
+    for (PrimitiveId id = 0; id < mesh.mesh.triangle_count(); ++id) {
+      for (int corner = 0; corner < 3; ++corner) {
+        ASSERT_EQ(read->mesh.LocalCorner(id, corner), mesh.mesh.LocalCorner(id, corner));
+      }
+    }
+    EXPECT_EQ(Write(*read), bytes);
+  }
+}
+
+TEST(MeshFile, NoticesEveryDamage) {
+  for (const PreparedMesh& mesh : MeshesOfBothVertexTypes()) {
+    ExpectEveryDamageIsNoticed(Write(mesh), [&](const FileBytes& bytes) {
+      const Result<PreparedMesh> read = Read(kMesh, bytes);
+      return !read.ok() && read.error().code == ErrorCode::kCorrupt;
+    });
+  }
+}
+
+TEST(MeshFile, IsRefusedForAnotherMesh) {
+  EXPECT_FALSE(Read(kOtherMesh, Write(MeshesOfBothVertexTypes()[0])).ok());
+}
+
+TEST(MeshFile, IsNoTreeFile) {
+  const StoredTree stored = StoreSphere(BuildKind::kKdSah);
+  EXPECT_FALSE(Read(kMesh, stored.bytes).ok());
+  EXPECT_FALSE(Read(stored.key, Write(MeshesOfBothVertexTypes()[0])).ok());
+}
+
+}  // namespace
+}  // namespace kdray::core
