@@ -1,0 +1,168 @@
+#include "core/library/scene_source.h"
+
+#include <algorithm>
+#include <chrono>
+#include <new>
+#include <optional>
+#include <utility>
+#include <vector>
+
+namespace kdray::core {
+
+// One try with the memory that could be had. A try that needs more says how much and holds nothing
+// when it returns, so that the wait for it cannot be part of a circle.
+class SceneSource::Attempt {
+ public:
+  Attempt(SceneSource* source, const TreeRecord& record, Watch* watch, MemoryCharge charge)
+      : source_(source), record_(record), watch_(watch), charge_(std::move(charge)) {}
+
+  Result<Fetched> Run(const std::function<void(const MeshFacts&)>& on_mesh) {
+    if (Status status = FetchMesh(); !status.ok()) return std::move(status).error();
+    watch_->parsed = true;
+    on_mesh(fetched_.prepared->facts);
+    if (Status status = FetchTree(); !status.ok()) return std::move(status).error();
+    watch_->build_progress.Finish();
+    return std::move(fetched_);
+  }
+
+  /// What the whole work would have needed when Run failed with kMemoryFull; else 0.
+  std::uint64_t needed() const { return needed_; }
+
+ private:
+  // Makes sure of `bytes` besides what was charged to the mesh already.
+  Status Need(std::uint64_t bytes) {
+    if (charge_.Grow(bytes)) return {};
+    needed_ = charged_to_mesh_ + bytes;
+    return Error{ErrorCode::kMemoryFull, "there is no memory for this now"};
+  }
+
+  Status FetchMesh() {
+    const Sha256Digest& digest = record_.id.mesh;
+    fetched_.prepared = source_->cache_->FindMesh(digest);
+    if (fetched_.prepared == nullptr) {
+      Result<PreparedMesh> prepared = ReadPrepared();
+      if (!prepared.ok()) {
+        if (needed_ != 0) return std::move(prepared).error();
+        prepared = Parse();
+        fetched_.was_parsed = prepared.ok();
+      }
+      if (!prepared.ok()) return std::move(prepared).error();
+      const std::uint64_t bytes = prepared->facts.memory_bytes;
+      if (Status status = Need(bytes); !status.ok()) return status;
+      charged_to_mesh_ = bytes;
+      fetched_.prepared =
+          source_->cache_->InsertMesh(digest, *std::move(prepared), charge_.Split(bytes));
+    }
+    fetched_.scene.mesh =
+        std::shared_ptr<const TriangleMesh>(fetched_.prepared, &fetched_.prepared->mesh);
+    return {};
+  }
+
+  Result<PreparedMesh> ReadPrepared() {
+    // A file that should be there is read even when it is not, so that its loss is noticed.
+    const std::uint64_t expected = record_.mesh ? record_.mesh->memory_bytes : 0;
+    const std::uint64_t bytes =
+        std::max(expected, source_->store_->PreparedFileBytes(record_.id.mesh));
+    if (bytes == 0) return Error{ErrorCode::kNotFound, "not parsed yet"};
+    if (Status status = Need(bytes); !status.ok()) return std::move(status).error();
+    return source_->store_->ReadPrepared(record_.id.mesh);
+  }
+
+  Result<PreparedMesh> Parse() {
+    if (Status status = Need(EstimatePrepareBytes(record_.mesh_bytes)); !status.ok()) {
+      return std::move(status).error();
+    }
+    const Result<std::vector<std::byte>> bytes = source_->store_->ReadMesh(record_.id.mesh);
+    if (!bytes.ok()) return bytes.error();
+    ++source_->parses_;
+    std::optional<Result<PreparedMesh>> prepared;
+    source_->arena_->Run([&] { prepared = PrepareMesh(*bytes, watch_->cancel); });
+    return *std::move(prepared);
+  }
+
+  Status FetchTree() {
+    const MeshFacts& mesh = fetched_.prepared->facts;
+    const BuildKind build =
+        record_.id.build.value_or(AutoBuildKind(static_cast<std::size_t>(mesh.triangles)));
+    std::shared_ptr<const Tree> tree = source_->cache_->FindTree(record_.id.mesh, build);
+    if (tree == nullptr) {
+      Result<Tree> made = ReadTree(build);
+      if (made.ok()) {
+        ++source_->loads_;
+      } else {
+        if (needed_ != 0) return std::move(made).error();
+        made = Build(build);
+        fetched_.was_built = made.ok();
+      }
+      if (!made.ok()) return std::move(made).error();
+      const std::uint64_t bytes = made->bytes();
+      if (Status status = Need(bytes); !status.ok()) return status;
+      tree = source_->cache_->InsertTree(record_.id.mesh, *std::move(made), charge_.Split(bytes));
+    }
+    fetched_.tree.build = build;
+    fetched_.tree.stats = tree->stats;
+    if (!fetched_.was_built && record_.tree) fetched_.tree.build_ms = record_.tree->build_ms;
+    fetched_.scene.tree = std::move(tree);
+    return {};
+  }
+
+  Result<Tree> ReadTree(BuildKind build) {
+    const std::uint64_t bytes = source_->store_->TreeFileBytes(record_.id.mesh, build);
+    // Nothing there: reading it all the same tells a lost file from a damaged one.
+    if (Status status = Need(bytes); !status.ok()) return std::move(status).error();
+    return source_->store_->ReadTree(
+        {record_.id.mesh, fetched_.scene.mesh->triangle_count(), build});
+  }
+
+  Result<Tree> Build(BuildKind build) {
+    const TriangleMesh& mesh = *fetched_.scene.mesh;
+    if (Status status = Need(EstimateBuildBytes(mesh.triangle_count(), build)); !status.ok()) {
+      return std::move(status).error();
+    }
+    ++source_->builds_;
+    const auto start = std::chrono::steady_clock::now();
+    std::optional<Result<Tree>> tree;
+    source_->arena_->Run([&] {
+      tree = BuildTree(mesh, build, BuildOptions{watch_->cancel, &watch_->build_progress});
+    });
+    fetched_.tree.build_ms =
+        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    return *std::move(tree);
+  }
+
+  SceneSource* source_;
+  const TreeRecord& record_;
+  Watch* watch_;
+  MemoryCharge charge_;
+  std::uint64_t charged_to_mesh_ = 0;
+  std::uint64_t needed_ = 0;
+  Fetched fetched_;
+};
+
+Result<SceneSource::Fetched> SceneSource::Fetch(
+    const TreeRecord& record, Watch* watch, const std::function<void(const MeshFacts&)>& on_mesh) {
+  std::uint64_t needed = 0;
+  try {
+    for (;;) {
+      Result<MemoryCharge> charge =
+          budget_->Reserve(needed, watch->cancel, &watch->waits_for_memory);
+      if (!charge.ok()) return std::move(charge).error();
+      Attempt attempt(this, record, watch, *std::move(charge));
+      Result<Fetched> fetched = attempt.Run(on_mesh);
+      if (fetched.ok() || attempt.needed() == 0) return fetched;
+      needed = std::max(needed + 1, attempt.needed());
+    }
+  } catch (const std::bad_alloc&) {
+    return Error{ErrorCode::kMemoryFull, "the system has no memory for this now"};
+  }
+}
+
+void SceneSource::Store(const TreeId& id, const Fetched& fetched) {
+  if (fetched.was_parsed) store_->WritePrepared(id.mesh, *fetched.prepared);
+  if (fetched.was_built) {
+    store_->WriteTree({id.mesh, fetched.scene.mesh->triangle_count(), fetched.tree.build},
+                      *fetched.scene.tree);
+  }
+}
+
+}  // namespace kdray::core

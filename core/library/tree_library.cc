@@ -1,0 +1,374 @@
+#include "core/library/tree_library.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "core/library/flight.h"
+
+namespace kdray::core {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+// One who waits looks this often whether his caller has gone: a token notifies nobody.
+constexpr std::chrono::milliseconds kLookAgain{50};
+
+std::int64_t NowMs() {
+  return std::chrono::duration_cast<std::chrono::milliseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+Error NoSuchTree() { return Error{ErrorCode::kNotFound, "no tree has this id"}; }
+Error NoSuchMesh() { return Error{ErrorCode::kNotFound, "no mesh has this SHA-256"}; }
+
+}  // namespace
+
+TreeLibrary::TreeLibrary(const LibraryOptions& options, std::unique_ptr<SceneStore> store)
+    : options_(options),
+      store_(std::move(store)),
+      budget_(options.memory_limit_bytes),
+      pledges_(options.memory_limit_bytes),
+      arena_(options.build_threads),
+      source_(store_.get(), &cache_, &budget_, &arena_),
+      queue_(kLoadThreads, kBuildThreads) {
+  budget_.set_reclaim([this](std::uint64_t bytes) { return cache_.EvictIdle(bytes); });
+}
+
+Result<std::unique_ptr<TreeLibrary>> TreeLibrary::Open(const LibraryOptions& options) {
+  FileSystem* file_system =
+      options.file_system != nullptr ? options.file_system : &PosixFileSystem();
+  Result<std::unique_ptr<SceneStore>> store =
+      SceneStore::Open({file_system, options.data_dir, options.store_limit_bytes});
+  if (!store.ok()) return std::move(store).error();
+  Result<std::vector<TreeRecord>> records = (*store)->Load();
+  if (!records.ok()) return std::move(records).error();
+  std::unique_ptr<TreeLibrary> library(new TreeLibrary(options, *std::move(store)));
+  library->Adopt(*std::move(records));
+  return library;
+}
+
+TreeLibrary::~TreeLibrary() { Shutdown(); }
+
+void TreeLibrary::Adopt(std::vector<TreeRecord> records) {
+  const std::lock_guard lock(mutex_);
+  for (TreeRecord& record : records) {
+    const TreeId id = record.id;
+    by_age_.insert({record.created_ms, id});
+    Entry& entry = entries_[id];
+    entry.record = std::move(record);
+    if (!entry.record.tree) StartFlight(&entry, MemoryCharge());
+  }
+}
+
+Result<TreeLibrary::Upload> TreeLibrary::BeginUpload(std::uint64_t bytes) {
+  const std::uint64_t wanted = EstimatePrepareBytes(bytes);
+  if (wanted > budget_.limit()) {
+    return Error{ErrorCode::kMeshTooLarge, "a mesh of " + std::to_string(bytes) +
+                                               " bytes needs about " + std::to_string(wanted) +
+                                               " bytes of memory; the limit is " +
+                                               std::to_string(budget_.limit())};
+  }
+  std::optional<MemoryCharge> pledge = pledges_.TryReserve(wanted);
+  if (!pledge) {
+    return Error{ErrorCode::kMemoryFull, "the uploads and builds under way need all memory"};
+  }
+  Result<DiskRoom> room = MakeRoom(bytes);
+  if (!room.ok()) return std::move(room).error();
+  Result<NewMesh> file = store_->BeginMesh(bytes, *std::move(room));
+  if (!file.ok()) return std::move(file).error();
+  return Upload(*std::move(file), *std::move(pledge));
+}
+
+// Derived files give way first, then whole meshes that nothing is under way for.
+Result<DiskRoom> TreeLibrary::MakeRoom(std::uint64_t bytes) {
+  if (store_->limit() && bytes > *store_->limit()) {
+    return Error{ErrorCode::kMeshTooLarge, "a mesh of " + std::to_string(bytes) +
+                                               " bytes is larger than the store, which takes " +
+                                               std::to_string(*store_->limit())};
+  }
+  for (;;) {
+    if (std::optional<DiskRoom> room = store_->MakeRoom(bytes)) return *std::move(room);
+    std::set<std::string> busy;
+    {
+      const std::lock_guard lock(mutex_);
+      for (const auto& [id, entry] : entries_) {
+        if (entry.flight) busy.insert(id.mesh.ToHex());
+      }
+    }
+    const std::optional<Sha256Digest> victim = store_->OldestMesh(busy);
+    if (!victim) return Error{ErrorCode::kStoreFull, "the store has no room for this mesh now"};
+    if (Status status = DropMesh(*victim); !status.ok()) return std::move(status).error();
+  }
+}
+
+Result<TreeLibrary::Added> TreeLibrary::Finish(Upload upload, std::optional<BuildKind> build) {
+  const std::uint64_t bytes = upload.file_.bytes();
+  if (bytes == 0) return Error{ErrorCode::kEmptyMesh, "the mesh has no bytes"};
+  const Sha256Digest mesh = upload.file_.Digest();
+  const auto is_stored = [&] {
+    const std::lock_guard lock(mutex_);
+    return HasMesh(mesh) && !damaged_meshes_.contains(mesh);
+  };
+  // The slow part before the lock; should the mesh be deleted meanwhile, Commit does it.
+  if (!is_stored()) {
+    if (Status status = upload.file_.Sync(); !status.ok()) return std::move(status).error();
+  }
+  const std::lock_guard files_lock(MeshMutex(mesh));
+  if (!is_stored()) {
+    if (Status status = store_->Commit(mesh, std::move(upload.file_)); !status.ok()) {
+      RemoveUnusedMesh(mesh);
+      return std::move(status).error();
+    }
+    const std::lock_guard lock(mutex_);
+    damaged_meshes_.erase(mesh);
+  }
+  return Add({mesh, build}, bytes, std::move(upload.pledge_));
+}
+
+Result<TreeLibrary::Added> TreeLibrary::AddBuild(const Sha256Digest& mesh,
+                                                 std::optional<BuildKind> build) {
+  const std::lock_guard files_lock(MeshMutex(mesh));
+  std::uint64_t bytes = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto sibling = FirstOf(mesh);
+    if (sibling == entries_.end()) return NoSuchMesh();
+    bytes = sibling->second.record.mesh_bytes;
+  }
+  std::optional<MemoryCharge> pledge = pledges_.TryReserve(EstimatePrepareBytes(bytes));
+  if (!pledge) {
+    return Error{ErrorCode::kMemoryFull, "the uploads and builds under way need all memory"};
+  }
+  return Add({mesh, build}, bytes, *std::move(pledge));
+}
+
+// The caller holds the mesh's mutex and has put its bytes on disk.
+Result<TreeLibrary::Added> TreeLibrary::Add(const TreeId& id, std::uint64_t mesh_bytes,
+                                            MemoryCharge pledge) {
+  TreeRecord record;
+  record.id = id;
+  record.created_ms = NowMs();
+  record.mesh_bytes = mesh_bytes;
+  {
+    const std::lock_guard lock(mutex_);
+    if (const auto found = entries_.find(id); found != entries_.end()) {
+      Entry& entry = found->second;
+      entry.failure.reset();  // asking again tries again
+      if (!entry.record.tree && !entry.flight) StartFlight(&entry, std::move(pledge));
+      return Added{id, true};
+    }
+    if (const auto sibling = FirstOf(id.mesh); sibling != entries_.end()) {
+      record.mesh = sibling->second.record.mesh;
+    }
+  }
+  if (Status status = store_->SaveRecord(record); !status.ok()) {
+    (void)store_->RemoveRecord(id);
+    RemoveUnusedMesh(id.mesh);
+    return std::move(status).error();
+  }
+  const std::lock_guard lock(mutex_);
+  failures_.erase(id);
+  by_age_.insert({record.created_ms, id});
+  Entry& entry = entries_[id];
+  entry.record = std::move(record);
+  entry.is_new = true;
+  StartFlight(&entry, std::move(pledge));
+  return Added{id, false};
+}
+
+Result<TreeLibrary::Entry*> TreeLibrary::FindLocked(const TreeId& id) {
+  if (const auto found = entries_.find(id); found != entries_.end()) return &found->second;
+  if (const auto failed = failures_.find(id); failed != failures_.end()) {
+    if (SteadyClock::now() < failed->second.until) return failed->second.error;
+    failures_.erase(failed);
+  }
+  return NoSuchTree();
+}
+
+TreeInfo TreeLibrary::InfoOf(const Entry& entry) {
+  TreeInfo info;
+  info.record = entry.record;
+  info.progress = info.ready() ? 1.0 : entry.flight ? entry.flight->watch.fraction() : 0.0;
+  return info;
+}
+
+Result<TreeInfo> TreeLibrary::Find(const TreeId& id) {
+  return Wait(id, SteadyClock::now(), CancelToken());
+}
+
+Result<TreeInfo> TreeLibrary::Wait(const TreeId& id, SteadyClock::time_point until,
+                                   const CancelToken& cancel) {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    Result<Entry*> entry = FindLocked(id);
+    if (!entry.ok()) return std::move(entry).error();
+    if ((*entry)->record.tree) return InfoOf(**entry);
+    if (std::optional<Error> failure = EnsureFlight(*entry)) return *std::move(failure);
+    if (SteadyClock::now() >= until || cancel.ShouldStop()) return InfoOf(**entry);
+    const std::shared_ptr<Flight> flight = (*entry)->flight;
+    flight->landed.wait_until(lock, std::min(until, SteadyClock::now() + kLookAgain),
+                              [&] { return flight->done; });
+    if (flight->done && flight->error) return *flight->error;
+  }
+}
+
+Result<TreeLibrary::LoadedTree> TreeLibrary::Load(const TreeId& id, const CancelToken& cancel) {
+  store_->UseMesh(id.mesh);
+  std::unique_lock lock(mutex_);
+  Result<Entry*> entry = FindLocked(id);
+  if (!entry.ok()) return std::move(entry).error();
+  if (std::optional<LoadedTree> loaded = FindInMemory(**entry)) return *std::move(loaded);
+  if (std::optional<Error> failure = EnsureFlight(*entry)) return *std::move(failure);
+
+  const std::shared_ptr<Flight> flight = (*entry)->flight;
+  while (!flight->done) {
+    if (cancel.ShouldStop()) {
+      Error error = cancel.ToError();
+      if (error.code == ErrorCode::kDeadlineExceeded && flight->watch.waits_for_memory) {
+        return Error{ErrorCode::kMemoryFull, "there was no memory for this tree in time"};
+      }
+      return error;
+    }
+    flight->landed.wait_until(lock, std::min(cancel.deadline(), SteadyClock::now() + kLookAgain));
+  }
+  if (flight->error) return *flight->error;
+  return *flight->loaded;
+}
+
+std::vector<TreeInfo> TreeLibrary::List(const std::optional<Sha256Digest>& mesh,
+                                        const std::optional<Position>& after, std::size_t limit) {
+  const std::lock_guard lock(mutex_);
+  std::vector<TreeInfo> trees;
+  auto next = after ? by_age_.upper_bound(*after) : by_age_.begin();
+  for (; next != by_age_.end() && trees.size() < limit; ++next) {
+    if (mesh && next->id.mesh != *mesh) continue;
+    trees.push_back(InfoOf(entries_.at(next->id)));
+  }
+  return trees;
+}
+
+Result<std::unique_ptr<ReadableFile>> TreeLibrary::OpenMesh(const TreeId& id) {
+  {
+    const std::lock_guard lock(mutex_);
+    const Result<Entry*> entry = FindLocked(id);
+    if (!entry.ok()) return entry.error();
+  }
+  Result<std::unique_ptr<ReadableFile>> file = store_->OpenMesh(id.mesh);
+  if (!file.ok()) {
+    const std::lock_guard lock(mutex_);
+    if (FirstOf(id.mesh) == entries_.end()) return NoSuchTree();  // deleted meanwhile
+    damaged_meshes_.insert(id.mesh);
+  }
+  return file;
+}
+
+Status TreeLibrary::Delete(const TreeId& id) {
+  const std::lock_guard files_lock(MeshMutex(id.mesh));
+  {
+    const std::lock_guard lock(mutex_);
+    if (failures_.erase(id) != 0) return {};
+    if (!entries_.contains(id)) return NoSuchTree();
+  }
+  // The record first: what remains after a crash is then swept, not found again.
+  if (Status status = store_->RemoveRecord(id); !status.ok()) return status;
+  ForgetAndRemoveFiles(id, NoSuchTree());
+  return {};
+}
+
+// Gives up a mesh with all its trees, unless work on it has begun meanwhile.
+Status TreeLibrary::DropMesh(const Sha256Digest& mesh) {
+  const std::lock_guard files_lock(MeshMutex(mesh));
+  std::vector<TreeId> ids;
+  {
+    const std::lock_guard lock(mutex_);
+    for (auto entry = FirstOf(mesh); entry != entries_.end() && entry->first.mesh == mesh;
+         ++entry) {
+      if (entry->second.flight) return {};
+      ids.push_back(entry->first);
+    }
+  }
+  for (const TreeId& id : ids) {
+    if (Status status = store_->RemoveRecord(id); !status.ok()) return status;
+    ForgetAndRemoveFiles(id, NoSuchTree());
+  }
+  // Again, for its status: a mesh that cannot be removed must not be tried for ever.
+  return store_->RemoveMesh(mesh);
+}
+
+// The caller holds the mesh's mutex and has removed the record.
+void TreeLibrary::ForgetAndRemoveFiles(const TreeId& id, const Error& error) {
+  std::optional<BuildKind> orphan;
+  bool mesh_too = false;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto entry = entries_.find(id);
+    if (entry == entries_.end()) return;
+    const std::optional<BuildKind> build = BuildOf(entry->second.record);
+    if (std::shared_ptr<Flight> flight = entry->second.flight) {
+      flight->watch.cancel.Cancel();
+      Land(&entry->second, error);
+    }
+    by_age_.erase({entry->second.record.created_ms, id});
+    entries_.erase(entry);
+    mesh_too = !HasMesh(id.mesh);
+    if (build && !IsWanted(id.mesh, *build)) orphan = build;
+    if (mesh_too) damaged_meshes_.erase(id.mesh);
+  }
+  if (mesh_too) {
+    cache_.EraseMesh(id.mesh);
+    // Should the disk refuse, the next start sweeps what no record names.
+    (void)store_->RemoveMesh(id.mesh);
+  } else if (orphan) {
+    cache_.EraseTree(id.mesh, *orphan);
+    store_->RemoveTree(id.mesh, *orphan);
+  }
+}
+
+// After an upload that did not come to a record.
+void TreeLibrary::RemoveUnusedMesh(const Sha256Digest& mesh) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (HasMesh(mesh)) return;
+  }
+  (void)store_->RemoveMesh(mesh);
+}
+
+TreeLibrary::Entries::iterator TreeLibrary::FirstOf(const Sha256Digest& mesh) {
+  // An id without a build sorts before those with one.
+  const auto first = entries_.lower_bound(TreeId{mesh, std::nullopt});
+  return first != entries_.end() && first->first.mesh == mesh ? first : entries_.end();
+}
+
+bool TreeLibrary::HasMesh(const Sha256Digest& mesh) { return FirstOf(mesh) != entries_.end(); }
+
+bool TreeLibrary::IsWanted(const Sha256Digest& mesh, BuildKind build) {
+  for (auto entry = FirstOf(mesh); entry != entries_.end() && entry->first.mesh == mesh; ++entry) {
+    if (BuildOf(entry->second.record) == build) return true;
+  }
+  return false;
+}
+
+std::optional<BuildKind> TreeLibrary::BuildOf(const TreeRecord& record) {
+  if (record.id.build) return record.id.build;
+  if (!record.mesh) return std::nullopt;
+  return AutoBuildKind(static_cast<std::size_t>(record.mesh->triangles));
+}
+
+LibraryCounters TreeLibrary::counters() const {
+  LibraryCounters counters;
+  counters.parses = source_.parses();
+  counters.builds = source_.builds();
+  counters.loads = source_.loads();
+  counters.damaged_files = store_->damaged_files();
+  counters.evictions = cache_.evictions();
+  counters.memory_bytes = budget_.used();
+  counters.store_bytes = store_->bytes();
+  const std::lock_guard lock(mutex_);
+  counters.rebuilds = rebuilds_;
+  counters.trees = entries_.size();
+  return counters;
+}
+
+}  // namespace kdray::core

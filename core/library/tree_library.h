@@ -1,0 +1,203 @@
+// The trees of one data directory by their ids: uploads, builds, memory, disk, deletion. What
+// core has to offer a server; it knows no protocol.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/base/cancel.h"
+#include "core/base/parallel.h"
+#include "core/base/result.h"
+#include "core/library/scene_source.h"
+#include "core/library/work_queue.h"
+#include "core/scene/memory_budget.h"
+#include "core/scene/scene.h"
+#include "core/scene/tree_cache.h"
+#include "core/scene/tree_id.h"
+#include "core/store/catalog.h"
+#include "core/store/scene_store.h"
+
+namespace kdray::core {
+
+struct LibraryOptions {
+  std::filesystem::path data_dir;
+  FileSystem* file_system = nullptr;  ///< null: PosixFileSystem()
+  int build_threads = 1;              ///< of the arena that meshes are parsed and trees built in
+  std::uint64_t memory_limit_bytes = std::uint64_t{4} << 30;
+  std::optional<std::uint64_t> store_limit_bytes;
+  /// How long a failed build answers for its id: one that would fail again, and one that need not.
+  std::chrono::milliseconds keep_failure{std::chrono::minutes(10)};
+  std::chrono::milliseconds retry_after{std::chrono::seconds(10)};
+};
+
+/// A tree as one asks for it.
+struct TreeInfo {
+  TreeRecord record;  ///< `tree` is there exactly when it is ready
+  double progress = 0;
+  bool ready() const { return record.tree.has_value(); }
+};
+
+struct LibraryCounters {
+  std::uint64_t parses = 0, builds = 0, loads = 0, rebuilds = 0;
+  std::uint64_t damaged_files = 0, evictions = 0;
+  std::uint64_t memory_bytes = 0, store_bytes = 0, trees = 0;
+};
+
+/// Every method is safe from many threads at once. Ids come and go: kNotFound is an answer of all
+/// that take one. A failed build answers with its error (those of SceneSource::Fetch) instead.
+class TreeLibrary {
+ public:
+  /// Reads in what is there and resumes builds that were cut off. Errors: SceneStore::Open.
+  static Result<std::unique_ptr<TreeLibrary>> Open(const LibraryOptions& options);
+  ~TreeLibrary();
+
+  /// A mesh on its way in. Destroyed, it leaves nothing. One thread at a time, and none after the
+  /// library.
+  class Upload {
+   public:
+    Status Append(std::span<const std::byte> bytes) { return file_.Append(bytes); }
+
+   private:
+    friend class TreeLibrary;
+    Upload(NewMesh file, MemoryCharge pledge)
+        : file_(std::move(file)), pledge_(std::move(pledge)) {}
+    NewMesh file_;
+    MemoryCharge pledge_;
+  };
+  /// kMeshTooLarge when `bytes` of mesh could never be held, kMemoryFull when the uploads and
+  /// builds under way leave no memory for it, kStoreFull.
+  Result<Upload> BeginUpload(std::uint64_t bytes);
+
+  struct Added {
+    TreeId id;
+    bool existed = false;
+  };
+  /// The mesh is durable and its build is under way or done when this returns. kEmptyMesh without
+  /// a byte; kStoreFull; kIo.
+  Result<Added> Finish(Upload upload, std::optional<BuildKind> build);
+  /// Another build of a mesh that is there; kNotFound when it is not.
+  Result<Added> AddBuild(const Sha256Digest& mesh, std::optional<BuildKind> build);
+
+  Result<TreeInfo> Find(const TreeId& id);
+  /// As Find, once the tree is ready, has failed or is gone, or when `until` or `cancel` comes.
+  Result<TreeInfo> Wait(const TreeId& id, std::chrono::steady_clock::time_point until,
+                        const CancelToken& cancel);
+
+  struct LoadedTree {
+    Scene scene;
+    MeshFacts mesh;
+  };
+  /// The tree in memory. Waits for its build, or until it is read in again, as long as `cancel`
+  /// lets it: then kDeadlineExceeded or kCancelled, or kMemoryFull when it was memory that was
+  /// waited for. kCancelled also once Shutdown was called.
+  Result<LoadedTree> Load(const TreeId& id, const CancelToken& cancel);
+
+  /// A place in the list: newest first, at equal time by id.
+  struct Position {
+    std::int64_t created_ms = 0;
+    TreeId id;
+    friend auto operator<=>(const Position&, const Position&) = default;
+  };
+  /// At most `limit` of those behind `after`, of one mesh or of all.
+  std::vector<TreeInfo> List(const std::optional<Sha256Digest>& mesh,
+                             const std::optional<Position>& after, std::size_t limit);
+
+  /// The id is gone for good when this returns; a running build stops soon. The mesh goes with its
+  /// last id. kStoreFull or kIo when the disk refuses: then it is still there.
+  Status Delete(const TreeId& id);
+
+  /// The mesh's bytes, checked. kCorrupt when they are damaged: uploading them again repairs them.
+  Result<std::unique_ptr<ReadableFile>> OpenMesh(const TreeId& id);
+
+  LibraryCounters counters() const;
+
+  /// Stops builds; those that were cut off resume at the next Open. Nothing is built or read in
+  /// after it.
+  void Shutdown();
+
+ private:
+  struct Flight;
+  struct Failure {
+    Error error;
+    std::chrono::steady_clock::time_point until;
+  };
+  struct Entry {
+    TreeRecord record;
+    bool is_new = false;             // made since Open: a mesh that cannot be built may be dropped
+    std::shared_ptr<Flight> flight;  // the work under way, if any
+    std::optional<Failure> failure;  // of work that may go better next time
+  };
+  using Entries = std::map<TreeId, Entry>;
+
+  // Short jobs that somebody waits for, and builds; the latter each use the whole arena.
+  static constexpr int kLoadThreads = 2;
+  static constexpr int kBuildThreads = 2;
+
+  TreeLibrary(const LibraryOptions& options, std::unique_ptr<SceneStore> store);
+  void Adopt(std::vector<TreeRecord> records);
+  Result<DiskRoom> MakeRoom(std::uint64_t bytes);
+  Result<Added> Add(const TreeId& id, std::uint64_t mesh_bytes, MemoryCharge pledge);
+  Status DropMesh(const Sha256Digest& mesh);
+  void ForgetAndRemoveFiles(const TreeId& id, const Error& error);
+  void RemoveUnusedMesh(const Sha256Digest& mesh);
+  std::mutex& MeshMutex(const Sha256Digest& mesh) {
+    return mesh_mutexes_[mesh.bytes[0] % mesh_mutexes_.size()];
+  }
+
+  // With mutex_ held:
+  Result<Entry*> FindLocked(const TreeId& id);
+  Entries::iterator FirstOf(const Sha256Digest& mesh);  // of the mesh's ids, or end()
+  bool HasMesh(const Sha256Digest& mesh);
+  bool IsWanted(const Sha256Digest& mesh, BuildKind build);  // by any id
+  std::optional<LoadedTree> FindInMemory(const Entry& entry);
+  std::optional<Error> EnsureFlight(Entry* entry);  // why there cannot be one
+  void StartFlight(Entry* entry, MemoryCharge pledge);
+  void Land(Entry* entry, std::optional<Error> error);
+  Entry* EntryOf(const Flight& flight);
+  void KeepFailure(const TreeId& id, const Error& error);
+  static TreeInfo InfoOf(const Entry& entry);
+  static std::optional<BuildKind> BuildOf(const TreeRecord& record);
+
+  // The worker's side:
+  void Fly(const std::shared_ptr<Flight>& flight);
+  bool Succeed(Flight* flight, const SceneSource::Fetched& fetched);
+  void Persist(const TreeRecord& before, const SceneSource::Fetched& fetched);
+  void Fail(Flight* flight, const Error& error);
+
+  const LibraryOptions options_;
+  std::unique_ptr<SceneStore> store_;
+  MemoryBudget budget_;
+  MemoryBudget pledges_;  // memory that uploads and builds under way will want
+  TreeCache cache_;
+  Arena arena_;
+  SceneSource source_;
+
+  // Whoever writes or removes a mesh's files holds its mutex; always taken before mutex_.
+  std::array<std::mutex, 64> mesh_mutexes_;
+
+  mutable std::mutex mutex_;  // guards what follows; never held during disk work
+  Entries entries_;
+  std::set<Position, std::greater<>> by_age_;
+  std::map<TreeId, Failure> failures_;  // of ids that are gone
+  std::set<Sha256Digest> damaged_meshes_;
+  bool shut_down_ = false;
+  std::uint64_t rebuilds_ = 0;
+
+  WorkQueue queue_;  // last: its threads use all of the above
+};
+
+}  // namespace kdray::core

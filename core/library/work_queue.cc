@@ -1,0 +1,69 @@
+#include "core/library/work_queue.h"
+
+#include <utility>
+
+namespace kdray::core {
+
+WorkQueue::WorkQueue(int load_threads, int build_threads) : max_builds_(build_threads) {
+  for (int i = 0; i < load_threads + build_threads; ++i) {
+    threads_.emplace_back([this] { Work(); });
+  }
+}
+
+WorkQueue::~WorkQueue() { Stop(); }
+
+void WorkQueue::Submit(const Sha256Digest& key, Lane lane, std::function<void()> job) {
+  const std::lock_guard lock(mutex_);
+  if (stopping_) return;
+  jobs_.push_back({key, lane, std::move(job)});
+  changed_.notify_all();
+}
+
+void WorkQueue::Stop() {
+  std::list<Job> dropped;  // destroyed after the lock
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+    dropped.swap(jobs_);
+    changed_.notify_all();
+  }
+  for (std::thread& thread : threads_) {
+    if (thread.joinable()) thread.join();
+  }
+}
+
+std::list<WorkQueue::Job>::iterator WorkQueue::NextRunnable() {
+  std::set<Sha256Digest> earlier;  // keys of jobs that came before and wait themselves
+  auto build = jobs_.end();
+  for (auto job = jobs_.begin(); job != jobs_.end(); ++job) {
+    if (busy_keys_.contains(job->key) || !earlier.insert(job->key).second) continue;
+    if (job->lane == Lane::kLoad) return job;
+    if (build == jobs_.end() && running_builds_ < max_builds_) build = job;
+  }
+  return build;
+}
+
+void WorkQueue::Work() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    auto next = jobs_.end();
+    changed_.wait(lock, [&] { return stopping_ || (next = NextRunnable()) != jobs_.end(); });
+    if (stopping_) return;
+    Job job = std::move(*next);
+    jobs_.erase(next);
+    const bool is_build = job.lane == Lane::kBuild;
+    busy_keys_.insert(job.key);
+    running_builds_ += is_build ? 1 : 0;
+
+    lock.unlock();
+    job.run();
+    job.run = nullptr;  // what it holds goes now, outside the lock
+    lock.lock();
+
+    running_builds_ -= is_build ? 1 : 0;
+    busy_keys_.erase(job.key);
+    changed_.notify_all();
+  }
+}
+
+}  // namespace kdray::core
