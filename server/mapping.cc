@@ -1,0 +1,321 @@
+#include "server/mapping.h"
+
+#include <charconv>
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <type_traits>
+#include <utility>
+
+#include "server/plan.h"
+
+namespace kdray::server {
+namespace {
+
+// When to ask again for memory: a build of the size that fills it takes some seconds.
+constexpr int kRetryMemorySeconds = 5;
+constexpr int kRetryDrainingSeconds = 5;
+
+api::Vec3 ToVec(const core::Vec3d& v) { return {v.x, v.y, v.z}; }
+core::Vec3d ToVec(const api::Vec3& v) { return {v[0], v[1], v[2]}; }
+api::Box ToBox(const core::Bounds3d& b) { return {ToVec(b.min), ToVec(b.max)}; }
+
+core::Rgb ToRgb(const api::Vec3& c) {
+  return {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
+}
+
+// Core names a wrong field in front: "width: must be …".
+std::optional<std::string> FieldOf(const std::string& message) {
+  const std::size_t colon = message.find(':');
+  if (colon == std::string::npos ||
+      message.find_first_not_of("abcdefghijklmnopqrstuvwxyz_") < colon) {
+    return std::nullopt;
+  }
+  return message.substr(0, colon);
+}
+
+api::ErrorCode CodeOf(core::ErrorCode code, api::ErrorCode not_found) {
+  switch (code) {
+    case core::ErrorCode::kInvalidMesh:
+      return api::ErrorCode::kInvalidMesh;
+    case core::ErrorCode::kEmptyMesh:
+      return api::ErrorCode::kEmptyMesh;
+    case core::ErrorCode::kUnsupportedMeshFormat:
+      return api::ErrorCode::kUnsupportedMeshFormat;
+    case core::ErrorCode::kMeshTooLarge:
+      return api::ErrorCode::kMeshTooLarge;
+    case core::ErrorCode::kInvalidArgument:
+      return api::ErrorCode::kInvalidParameter;
+    case core::ErrorCode::kNotFound:
+      return not_found;
+    case core::ErrorCode::kCancelled:
+      // Somebody whose client has gone reads no answer, so this is the daemon's own stop.
+      return api::ErrorCode::kDraining;
+    case core::ErrorCode::kDeadlineExceeded:
+      return api::ErrorCode::kDeadlineExceeded;
+    case core::ErrorCode::kMemoryFull:
+      return api::ErrorCode::kMemoryFull;
+    case core::ErrorCode::kStoreFull:
+      return api::ErrorCode::kStoreFull;
+    case core::ErrorCode::kCorrupt:
+    case core::ErrorCode::kIo:
+    case core::ErrorCode::kInternal:
+      break;
+  }
+  return api::ErrorCode::kInternal;
+}
+
+api::MeshDescription DescribeMesh(const core::Sha256Digest& digest, std::uint64_t bytes,
+                                  const core::MeshFacts* facts) {
+  api::MeshDescription mesh;
+  mesh.sha256 = digest.ToHex();
+  mesh.bytes = bytes;
+  if (facts == nullptr) return mesh;
+  mesh.format = core::Name(facts->format);
+  mesh.triangles = facts->triangles;
+  mesh.dropped = facts->dropped;
+  mesh.vertices = facts->vertices;
+  mesh.bounds = ToBox(facts->bounds);
+  const core::MeshHealth& health = facts->health;
+  mesh.health = {health.degenerate,           health.duplicate,          health.concave,
+                 health.open_edges,           health.non_manifold_edges, health.closed,
+                 health.coordinate_resolution};
+  return mesh;
+}
+
+api::TreeFacts DescribeTree(const core::TreeFacts& facts, double parse_ms) {
+  const core::TreeStats& stats = facts.stats;
+  api::TreeFacts tree;
+  tree.build = ToApi(facts.build);
+  tree.nodes = stats.nodes;
+  tree.leaves = stats.leaves;
+  tree.empty_leaves = stats.empty_leaves;
+  tree.references = stats.references;
+  tree.max_depth = stats.max_depth;
+  tree.leaf_histogram = stats.leaf_histogram;
+  tree.bytes = stats.bytes;
+  tree.sah_cost = stats.sah_cost;
+  tree.traversal_cost = stats.traversal_cost;
+  tree.intersection_cost = stats.intersection_cost;
+  tree.parse_ms = parse_ms;
+  tree.build_ms = facts.build_ms;
+  return tree;
+}
+
+template <class T>
+std::optional<T> ParseDecimal(std::string_view text) {
+  T value{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+}  // namespace
+
+api::Problem ToProblem(const core::Error& error, api::ErrorCode not_found) {
+  api::Problem problem;
+  problem.code = CodeOf(error.code, not_found);
+  problem.detail = error.message;
+  problem.line = error.line;
+  switch (problem.code) {
+    case api::ErrorCode::kInternal:
+      problem.detail = error.code == core::ErrorCode::kCorrupt
+                           ? "the stored mesh is damaged; uploading it again repairs it"
+                           : "the server made a mistake or its disk failed";
+      break;
+    case api::ErrorCode::kInvalidParameter:
+      problem.parameter = FieldOf(error.message);
+      break;
+    case api::ErrorCode::kMemoryFull:
+      problem.retry_after_s = kRetryMemorySeconds;
+      break;
+    case api::ErrorCode::kDraining:
+      problem.detail = "the server is shutting down";
+      problem.retry_after_s = kRetryDrainingSeconds;
+      break;
+    default:
+      break;
+  }
+  return problem;
+}
+
+std::optional<core::BuildKind> ToCore(api::Build build) {
+  switch (build) {
+    case api::Build::kAuto:
+      return std::nullopt;
+    case api::Build::kKdSah:
+      return core::BuildKind::kKdSah;
+    case api::Build::kKdBinned:
+      return core::BuildKind::kKdBinned;
+    case api::Build::kKdCyclic:
+      return core::BuildKind::kKdCyclic;
+    case api::Build::kKdMedian:
+      return core::BuildKind::kKdMedian;
+    case api::Build::kBvh:
+      return core::BuildKind::kBvh;
+    case api::Build::kBox:
+      return core::BuildKind::kBox;
+  }
+  return std::nullopt;
+}
+
+api::Build ToApi(core::BuildKind build) {
+  switch (build) {
+    case core::BuildKind::kKdSah:
+      return api::Build::kKdSah;
+    case core::BuildKind::kKdBinned:
+      return api::Build::kKdBinned;
+    case core::BuildKind::kKdCyclic:
+      return api::Build::kKdCyclic;
+    case core::BuildKind::kKdMedian:
+      return api::Build::kKdMedian;
+    case core::BuildKind::kBvh:
+      return api::Build::kBvh;
+    case core::BuildKind::kBox:
+      break;
+  }
+  return api::Build::kBox;
+}
+
+core::Precision ToCore(api::Precision precision, core::Precision automatic) {
+  switch (precision) {
+    case api::Precision::kAuto:
+      return automatic;
+    case api::Precision::kFast:
+      return core::Precision::kFast;
+    case api::Precision::kWatertight:
+      return core::Precision::kWatertight;
+    case api::Precision::kDouble:
+      return core::Precision::kDouble;
+    case api::Precision::kExact:
+      break;
+  }
+  return core::Precision::kExact;
+}
+
+api::Precision ToApi(core::Precision precision) {
+  switch (precision) {
+    case core::Precision::kFast:
+      return api::Precision::kFast;
+    case core::Precision::kWatertight:
+      return api::Precision::kWatertight;
+    case core::Precision::kDouble:
+      return api::Precision::kDouble;
+    case core::Precision::kExact:
+      break;
+  }
+  return api::Precision::kExact;
+}
+
+api::Outcome<core::TreeId> ToTreeId(std::string_view id) {
+  if (const std::optional<core::TreeId> parsed = core::ParseTreeId(id)) return *parsed;
+  return ToProblem(core::Error{core::ErrorCode::kNotFound, "no tree has this id"});
+}
+
+api::TreeDescription ToApi(const core::TreeInfo& info) {
+  const core::TreeRecord& record = info.record;
+  api::TreeDescription description;
+  description.id = record.id.ToString();
+  description.ready = info.ready();
+  description.progress = info.progress;
+  description.created_at = FormatTime(record.created_ms);
+  description.mesh_known = record.mesh.has_value();
+  description.mesh =
+      DescribeMesh(record.id.mesh, record.mesh_bytes, record.mesh ? &*record.mesh : nullptr);
+  if (record.tree) {
+    description.tree = DescribeTree(*record.tree, record.mesh ? record.mesh->parse_ms : 0.0);
+  }
+  description.plan = DescribePlan(record);
+  return description;
+}
+
+std::string FormatTime(std::int64_t unix_ms) {
+  const auto time = static_cast<std::time_t>(unix_ms >= 0 ? unix_ms / 1000 : 0);
+  const int ms = static_cast<int>(unix_ms >= 0 ? unix_ms % 1000 : 0);
+  std::tm utc{};
+  gmtime_r(&time, &utc);
+  char day[32];
+  std::strftime(day, sizeof day, "%Y-%m-%dT%H:%M:%S", &utc);
+  char text[48];
+  std::snprintf(text, sizeof text, "%s.%03dZ", day, ms);
+  return text;
+}
+
+std::string FormatCursor(const core::TreeInfo& info) {
+  return std::to_string(info.record.created_ms) + "." + info.record.id.ToString();
+}
+
+std::optional<core::TreeLibrary::Position> ParseCursor(std::string_view cursor) {
+  const std::size_t dot = cursor.find('.');
+  if (dot == std::string_view::npos) return std::nullopt;
+  const auto created_ms = ParseDecimal<std::int64_t>(cursor.substr(0, dot));
+  const std::optional<core::TreeId> id = core::ParseTreeId(cursor.substr(dot + 1));
+  if (!created_ms || !id) return std::nullopt;
+  return core::TreeLibrary::Position{*created_ms, *id};
+}
+
+core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision precision) {
+  core::RenderSpec spec;
+  spec.width = static_cast<int>(request.width);
+  spec.height = static_cast<int>(request.height);
+  spec.camera.projection = request.projection == api::Projection::kOrthographic
+                               ? core::Projection::kOrthographic
+                               : core::Projection::kPerspective;
+  if (request.eye) spec.camera.eye = ToVec(*request.eye);
+  if (request.target) spec.camera.target = ToVec(*request.target);
+  spec.camera.up = ToVec(request.up);
+  if (request.projection == api::Projection::kPerspective) {
+    spec.camera.fov_deg = request.fov_deg;
+  }
+  spec.camera.view_height = request.view_height;
+  switch (request.mode) {
+    case api::RenderMode::kShaded:
+      spec.mode = core::RenderMode::kShaded;
+      break;
+    case api::RenderMode::kNormal:
+      spec.mode = core::RenderMode::kNormal;
+      break;
+    case api::RenderMode::kDepth:
+      spec.mode = core::RenderMode::kDepth;
+      break;
+    case api::RenderMode::kTriangle:
+      spec.mode = core::RenderMode::kTriangle;
+      break;
+  }
+  spec.samples = static_cast<int>(request.samples);
+  spec.precision = precision;
+  if (request.color) spec.color = ToRgb(*request.color);
+  if (request.background || request.transparent) {
+    core::Background background;
+    if (request.background) background.color = ToRgb(*request.background);
+    background.transparent = request.transparent;
+    spec.background = background;
+  }
+  if (request.cells_depth) spec.cells_depth = static_cast<std::uint32_t>(*request.cells_depth);
+  if (request.region) {
+    spec.region =
+        core::Region{static_cast<int>(request.region->x0), static_cast<int>(request.region->y0),
+                     static_cast<int>(request.region->x1), static_cast<int>(request.region->y1)};
+  }
+  spec.seed = request.seed;
+  return spec;
+}
+
+api::ImageArray ToApi(core::RenderedImage image) {
+  return std::visit(
+      [](auto&& film) {
+        api::ImageArray array;
+        array.width = static_cast<std::size_t>(film.region().width());
+        array.height = static_cast<std::size_t>(film.region().height());
+        array.channels = static_cast<std::size_t>(film.channels());
+        array.values = std::move(film).TakeValues();
+        return array;
+      },
+      std::move(image.values));
+}
+
+api::Cell ToApi(const core::TreeCell& cell) {
+  return {ToBox(cell.bounds), cell.depth, cell.leaf, cell.triangles};
+}
+
+}  // namespace kdray::server

@@ -1,0 +1,61 @@
+// Where the contract's words (api) and core's types meet, and nowhere else.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "api/errors.h"
+#include "api/types.h"
+#include "core/base/result.h"
+#include "core/geometry/hit.h"
+#include "core/geometry/ray.h"
+#include "core/library/tree_library.h"
+#include "core/render/renderer.h"
+#include "core/scene/tree_id.h"
+#include "core/trace/precision.h"
+#include "core/tree/build_kind.h"
+#include "core/tree/tree_cell.h"
+
+namespace kdray::server {
+
+/// `not_found` says what was looked for. What went wrong inside comes out as `internal` without a
+/// cause; the one exception, a damaged mesh, says how to repair it.
+api::Problem ToProblem(const core::Error& error,
+                       api::ErrorCode not_found = api::ErrorCode::kTreeNotFound);
+
+/// None for `auto`.
+std::optional<core::BuildKind> ToCore(api::Build build);
+api::Build ToApi(core::BuildKind build);
+
+/// `automatic` is what `auto` means for the mesh.
+core::Precision ToCore(api::Precision precision, core::Precision automatic);
+api::Precision ToApi(core::Precision precision);
+
+/// tree_not_found for what is no id.
+api::Outcome<core::TreeId> ToTreeId(std::string_view id);
+
+api::TreeDescription ToApi(const core::TreeInfo& info);
+/// Milliseconds since 1970 as RFC 3339, UTC.
+std::string FormatTime(std::int64_t unix_ms);
+
+/// A place in the list as the opaque `after`; nothing for a text that is none.
+std::string FormatCursor(const core::TreeInfo& info);
+std::optional<core::TreeLibrary::Position> ParseCursor(std::string_view cursor);
+
+template <class T>
+core::RayOf<T> ToCore(const api::RayRow<T>& row) {
+  return {{row.ox, row.oy, row.oz}, row.t_min, {row.dx, row.dy, row.dz}, row.t_max};
+}
+inline api::RayHit ToApi(const core::Hit& hit) {
+  return {hit.t, hit.u, hit.v, hit.IsHit() ? std::int64_t{hit.primitive_id} : -1};
+}
+
+core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision precision);
+api::ImageArray ToApi(core::RenderedImage image);
+api::Cell ToApi(const core::TreeCell& cell);
+
+}  // namespace kdray::server

@@ -1,0 +1,97 @@
+#include "server/plan.h"
+
+#include <charconv>
+
+#include "core/tree/build_kind.h"
+
+namespace kdray::server {
+namespace {
+
+std::string Shortest(double value) {
+  char text[32];
+  return std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
+}
+
+std::string_view StructureOf(core::BuildKind build) {
+  switch (build) {
+    case core::BuildKind::kKdSah:
+      return "A kd-tree by the surface area heuristic, with clipped triangles";
+    case core::BuildKind::kKdBinned:
+      return "A kd-tree by the surface area heuristic on binned planes, which builds faster";
+    case core::BuildKind::kKdCyclic:
+      return "A kd-tree by the surface area heuristic on centroid planes, its axes in turn";
+    case core::BuildKind::kKdMedian:
+      return "A kd-tree split at centroid medians, its axes in turn";
+    case core::BuildKind::kBvh:
+      return "A bounding volume hierarchy by the binned surface area heuristic";
+    case core::BuildKind::kBox:
+      break;
+  }
+  return "One bounding box and then every triangle";
+}
+
+std::string DescribeStructure(const core::TreeRecord& record, const core::MeshFacts& mesh,
+                              core::BuildKind build) {
+  std::string text(StructureOf(build));
+  text += " (";
+  text += core::Name(build);
+  if (record.id.build) {
+    text += ", as asked)";
+  } else if (build == core::BuildKind::kBox) {
+    text += "): " + std::to_string(mesh.triangles) + " triangles need no tree";
+  } else {
+    text += "), what auto picks for " + std::to_string(mesh.triangles) + " triangles";
+  }
+  return text + ". ";
+}
+
+std::string DescribeVertices(const core::MeshFacts& mesh) {
+  std::string text = mesh.double_vertices
+                         ? "Vertices are kept as doubles (24 bytes), because floats cannot hold "
+                           "all of them exactly"
+                         : "Vertices are kept as floats (12 bytes), which hold all of them exactly";
+  const core::Vec3d& o = mesh.frame.origin;
+  text += ", in units of 2^" + std::to_string(mesh.frame.exponent);
+  if (o != core::Vec3d{}) {
+    text += " around the local origin (" + Shortest(o.x) + ", " + Shortest(o.y) + ", " +
+            Shortest(o.z) + ")";
+  }
+  return text + ". ";
+}
+
+std::string DescribePrecision(const core::MeshFacts& mesh) {
+  if (mesh.auto_precision == core::Precision::kWatertight) {
+    return "Precision auto means watertight: single precision resolves every edge of this mesh. ";
+  }
+  std::string text = "Precision auto means ";
+  text += core::Name(mesh.auto_precision);
+  text += mesh.double_vertices ? ": the vertices need it. "
+                               : ": the shortest edges are too short for single precision. ";
+  if (mesh.double_vertices) {
+    text += "With watertight, vertices are rounded to single precision. ";
+  }
+  return text;
+}
+
+std::string DescribeClosedness(const core::MeshHealth& health) {
+  if (health.closed) return "The mesh is closed, so no ray from inside escapes unseen.";
+  std::string text = "The mesh is not closed";
+  if (health.open_edges != 0 || health.non_manifold_edges != 0) {
+    text += " (" + std::to_string(health.open_edges) + " open and " +
+            std::to_string(health.non_manifold_edges) + " non-manifold edges)";
+  }
+  return text + ", so watertightness is not promised.";
+}
+
+}  // namespace
+
+std::string DescribePlan(const core::TreeRecord& record) {
+  if (!record.mesh) return "The mesh is being read.";
+  const core::MeshFacts& mesh = *record.mesh;
+  const core::BuildKind build =
+      record.id.build.value_or(core::AutoBuildKind(static_cast<std::size_t>(mesh.triangles)));
+  return DescribeStructure(record, mesh, build) + DescribeVertices(mesh) + DescribePrecision(mesh) +
+         DescribeClosedness(mesh.health);
+}
+
+}  // namespace kdray::server
