@@ -1,0 +1,22 @@
+// Sample meshes as bytes of the mesh formats that the service reads.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "clients/cpp/sample/sample_mesh.h"
+
+namespace kdray::client {
+
+enum class MeshFormat { kObj, kPly, kStl };
+
+/// The format that a file name's ending asks for (.obj, .ply, .stl, in any case); nullopt
+/// otherwise.
+std::optional<MeshFormat> MeshFormatOf(std::string_view file_name);
+
+/// OBJ as text, PLY and STL binary little-endian. Coordinates are written as 32-bit floats (OBJ:
+/// with the digits that give the same float back). The same mesh gives the same bytes everywhere.
+std::string EncodeMesh(const SampleMesh& mesh, MeshFormat format);
+
+}  // namespace kdray::client

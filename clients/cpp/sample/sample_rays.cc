@@ -1,0 +1,46 @@
+#include "clients/cpp/sample/sample_rays.h"
+
+#include <cmath>
+#include <random>
+
+namespace kdray::client {
+
+std::vector<float> RaysTowardsBox(const Box& box, std::uint64_t count, std::uint64_t seed) {
+  std::mt19937_64 engine(seed);
+  // Not uniform_real_distribution: its sequence is the library's own affair.
+  const auto uniform = [&] { return static_cast<double>(engine() >> 11) * 0x1p-53; };
+
+  Point center;
+  double radius = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    center[axis] = box.min[axis] / 2 + box.max[axis] / 2;
+    radius = std::hypot(radius, box.max[axis] - box.min[axis]);
+  }
+  if (radius == 0) radius = 1;  // a single point is still something to aim at
+
+  std::vector<float> rows;
+  rows.reserve(6 * count);
+  for (std::uint64_t i = 0; i < count; ++i) {
+    // A direction evenly from the unit ball's inside, then onto its surface.
+    Point direction;
+    double square;
+    do {
+      square = 0;
+      for (double& x : direction) {
+        x = 2 * uniform() - 1;
+        square += x * x;
+      }
+    } while (square > 1 || square < 1e-6);
+    Point origin;
+    for (int axis = 0; axis < 3; ++axis)
+      origin[axis] = center[axis] + radius * direction[axis] / std::sqrt(square);
+    for (const double x : origin) rows.push_back(static_cast<float>(x));
+    for (int axis = 0; axis < 3; ++axis) {
+      const double target = std::lerp(box.min[axis], box.max[axis], uniform());
+      rows.push_back(static_cast<float>(target - origin[axis]));
+    }
+  }
+  return rows;
+}
+
+}  // namespace kdray::client
