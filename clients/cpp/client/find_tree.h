@@ -1,0 +1,18 @@
+// From what a person types to one tree.
+#pragma once
+
+#include <string>
+
+#include "clients/cpp/client/client.h"
+
+namespace kdray::client {
+
+/// Whether `text` can be a tree id or the beginning of one: at least six hex digits of the mesh's
+/// digest (`3f2a9c`), and all or none of the build behind them (`3f2a9c-kd-sah`).
+bool LooksLikeTreeId(std::string_view text);
+
+/// The one tree of the server that `text` names: a whole id, or the beginning of one. Throws
+/// UsageError when no tree or more than one fits. A whole id costs no request.
+std::string ResolveTreeId(Client& client, const std::string& text);
+
+}  // namespace kdray::client

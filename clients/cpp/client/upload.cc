@@ -1,0 +1,85 @@
+#include "clients/cpp/client/upload.h"
+
+#include <chrono>
+#include <thread>
+
+#include "clients/cpp/client/error.h"
+
+namespace kdray::client {
+namespace {
+
+constexpr int kFirstWaitMs = 100;  // small meshes are built within it, and no bar flashes by
+constexpr int kPollWaitMs = 200;   // the server answers at once when the tree is ready before
+
+// The tree if it is known and has not failed. A failed build answers its problem for a while;
+// asking again in earnest tries again and gives the problem of today.
+std::optional<Tree> FindUsable(Client& client, const std::string& id) {
+  try {
+    return client.FindTree(id);
+  } catch (const Refusal& refusal) {
+    if (refusal.problem.status == 401) throw;
+    return std::nullopt;
+  }
+}
+
+// A server that refuses an upload early may close before the client has read why; a limit that it
+// tells beforehand can be looked at beforehand.
+void CheckSize(Client& client, const LocalFile& mesh) {
+  const Json info = client.ServiceInfo();
+  const auto limits = info.find("limits");
+  if (limits == info.end() || !limits->is_object()) return;
+  const auto limit = limits->find("max_upload_bytes");
+  if (limit == limits->end() || !limit->is_number_unsigned() ||
+      mesh.size() <= limit->get<std::uint64_t>())
+    return;
+  throw Refusal({.status = 413,
+                 .code = "mesh_too_large",
+                 .detail = mesh.path() + " has more bytes than this server takes; nothing was sent",
+                 .request_id = {},
+                 .limit = limit->get<double>(),
+                 .actual = static_cast<double>(mesh.size())});
+}
+
+Tree WaitUntilReady(Client& client, Tree tree, const UploadWatcher& watcher) {
+  const bool is_new = tree.is_new;
+  while (!tree.ready) {
+    if (watcher.on_build) watcher.on_build(tree.progress);
+    const auto asked = std::chrono::steady_clock::now();
+    tree = client.GetTree(tree.id, kPollWaitMs);
+    // A server that does not wait must not be asked in a tight loop.
+    if (!tree.ready)
+      std::this_thread::sleep_until(asked + std::chrono::milliseconds(kPollWaitMs / 2));
+  }
+  if (watcher.on_build) watcher.on_build(1);
+  tree.is_new = is_new;
+  return tree;
+}
+
+}  // namespace
+
+UploadResult UploadMesh(Client& client, const LocalFile& mesh, const std::string& build,
+                        const UploadWatcher& watcher) {
+  const std::string sha256 = mesh.Sha256();
+  const std::string id = TreeIdOf(sha256, build);
+  UploadResult result;
+
+  std::optional<Tree> tree = FindUsable(client, id);
+  if (tree && tree->ready) {
+    result.was_ready = true;
+    result.tree = *std::move(tree);
+    return result;
+  }
+  if (!tree) tree = client.CreateTreeOfStoredMesh(sha256, build, kFirstWaitMs);
+  if (!tree) {
+    CheckSize(client, mesh);
+    tree = client.CreateTree(mesh, build, kFirstWaitMs, watcher.on_sent);
+    result.was_sent = true;
+  }
+  if (tree->id != id)
+    throw LocalFileError(mesh.path() + ": changed while it was sent; the server now has tree " +
+                         tree->id);
+  result.tree = WaitUntilReady(client, *std::move(tree), watcher);
+  return result;
+}
+
+}  // namespace kdray::client
