@@ -1,0 +1,168 @@
+#include "clients/cpp/command/description.h"
+
+#include "clients/cpp/command/text.h"
+
+namespace kdray::client {
+namespace {
+
+// A view of a JSON object that answers every question: with nothing, where nothing is.
+class Fields {
+ public:
+  explicit Fields(const Json& object) : object_(object) {}
+
+  Fields operator[](const char* name) const {
+    static const Json kNothing = Json::object();
+    const Json* field = Find(name);
+    return Fields(field && field->is_object() ? *field : kNothing);
+  }
+
+  std::string Text(const char* name) const {
+    const Json* field = Find(name);
+    return field && field->is_string() ? field->get<std::string>() : std::string();
+  }
+
+  std::string Count(const char* name) const {
+    const Json* field = Find(name);
+    return field && field->is_number_unsigned() ? CountText(field->get<std::uint64_t>())
+                                                : std::string();
+  }
+
+  /// "" where it is missing.
+  std::string Bytes(const char* name) const {
+    const Json* field = Find(name);
+    return field && field->is_number() ? ByteText(field->get<double>()) : std::string();
+  }
+
+  std::string Number(const char* name) const {
+    const Json* field = Find(name);
+    return field && field->is_number() ? NumberText(field->get<double>()) : std::string();
+  }
+
+  /// "x y z" of an array of three numbers.
+  std::string Vector(const char* name) const {
+    const Json* field = Find(name);
+    if (!field || !field->is_array()) return {};
+    std::string text;
+    for (const Json& number : *field)
+      if (number.is_number())
+        text += (text.empty() ? "" : " ") + NumberText(number.get<double>(), 6);
+    return text;
+  }
+
+  bool Is(const char* name, bool value) const {
+    const Json* field = Find(name);
+    return field && field->is_boolean() && field->get<bool>() == value;
+  }
+
+ private:
+  const Json* Find(const char* name) const {
+    const auto field = object_.find(name);
+    return field == object_.end() ? nullptr : &*field;
+  }
+
+  const Json& object_;
+};
+
+// Joins what is not empty: {"a", "", "b"} -> "a, b".
+std::string Join(const std::vector<std::string>& parts, const char* separator = ", ") {
+  std::string text;
+  for (const std::string& part : parts) {
+    if (part.empty()) continue;
+    if (!text.empty()) text += separator;
+    text += part;
+  }
+  return text;
+}
+
+// "12 nodes", or nothing when the number is missing.
+std::string With(const std::string& number, const char* unit) {
+  return number.empty() ? std::string() : number + " " + unit;
+}
+
+// Like With, and nothing for zero: of a sound mesh the health line stays short.
+std::string Unless0(const std::string& number, const char* unit) {
+  return number == "0" ? std::string() : With(number, unit);
+}
+
+std::string HealthOf(const Fields& health) {
+  const std::string closed = health.Is("closed", true)    ? "closed"
+                             : health.Is("closed", false) ? "not closed"
+                                                          : "";
+  const std::string resolution = health.Number("coordinate_resolution");
+  return Join({closed, Unless0(health.Count("open_edges"), "open edges"),
+               Unless0(health.Count("non_manifold_edges"), "edges with more than two triangles"),
+               Unless0(health.Count("degenerate"), "triangles without area"),
+               Unless0(health.Count("duplicate"), "triangles twice"),
+               Unless0(health.Count("concave"), "concave polygons"),
+               resolution.empty() ? "" : "coordinates " + resolution + " apart"});
+}
+
+}  // namespace
+
+std::string SummaryOf(const Json& description) {
+  const Fields fields(description);
+  const Fields mesh = fields["mesh"];
+  const Fields tree = fields["tree"];
+  const std::string nodes = With(tree.Count("nodes"), "nodes");
+  const std::string build = tree.Text("build");
+  const std::string built = tree.Number("build_ms");
+  return Join({With(mesh.Count("triangles"), "triangles"),
+               build.empty() ? nodes : Join({build, nodes}, ": "),
+               built.empty() ? "" : "built in " + built + " ms"});
+}
+
+std::string DetailsOf(const Json& description) {
+  const Fields fields(description);
+  const Fields mesh = fields["mesh"];
+  const Fields tree = fields["tree"];
+  std::string out;
+  const auto add = [&](const char* name, const std::string& value) {
+    if (value.empty()) return;
+    std::string label(name);
+    label.resize(10, ' ');
+    out += label + value + "\n";
+  };
+  const std::string progress = fields.Number("progress");
+  add("id", fields.Text("id"));
+  add("state", fields.Text("state") == "building" ? "building, " + progress + " of 1 done"
+                                                  : fields.Text("state"));
+  add("created", fields.Text("created_at"));
+  add("mesh",
+      Join({mesh.Text("format"), mesh.Bytes("bytes"), With(mesh.Count("triangles"), "triangles"),
+            With(mesh.Count("vertices"), "vertices"),
+            Unless0(mesh.Count("dropped"), "faces dropped")}));
+  add("bounds", Join({mesh["bounds"].Vector("min"), mesh["bounds"].Vector("max")}, "  to  "));
+  add("health", HealthOf(mesh["health"]));
+  add("tree",
+      Join({tree.Text("build"), With(tree.Count("nodes"), "nodes"),
+            With(tree.Count("leaves"), "leaves"), With(tree.Count("empty_leaves"), "of them empty"),
+            With(tree.Count("references"), "references")}));
+  add("", Join({tree.Count("max_depth").empty() ? "" : "depth " + tree.Count("max_depth"),
+                tree.Bytes("bytes"),
+                tree.Number("sah_cost").empty() ? "" : "SAH cost " + tree.Number("sah_cost")}));
+  add("time",
+      Join({tree.Number("parse_ms").empty() ? "" : "read " + tree.Number("parse_ms") + " ms",
+            tree.Number("build_ms").empty() ? "" : "built " + tree.Number("build_ms") + " ms"}));
+  add("plan", fields.Text("plan"));
+  return out;
+}
+
+std::vector<std::string> ListHeader() {
+  return {"ID", "TRIANGLES", "BUILD", "STATE", "FORMAT", "SIZE", "CREATED"};
+}
+
+std::vector<std::string> ListRowOf(const Tree& tree, bool full_id) {
+  const Fields fields(tree.description);
+  const Fields mesh = fields["mesh"];
+  std::string created = fields.Text("created_at").substr(0, 16);  // to the minute
+  if (const std::size_t t = created.find('T'); t != std::string::npos) created[t] = ' ';
+  return {full_id ? tree.id : ShortTreeId(tree.id),
+          mesh.Count("triangles"),
+          fields["tree"].Text("build"),
+          fields.Text("state"),
+          mesh.Text("format"),
+          mesh.Bytes("bytes"),
+          created};
+}
+
+}  // namespace kdray::client

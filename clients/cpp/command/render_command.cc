@@ -1,0 +1,103 @@
+#include <array>
+
+#include "clients/cpp/client/error.h"
+#include "clients/cpp/command/answer_text.h"
+#include "clients/cpp/command/output_file.h"
+#include "clients/cpp/command/subcommands.h"
+#include "clients/cpp/command/text.h"
+
+namespace kdray::client {
+namespace {
+
+struct Field {
+  const char* name;  ///< as in the contract; the option is --name with dashes
+  const char* type;
+  const char* description;
+};
+
+// Every field of the contract's renders. Values go to the server as they are: it knows the ranges
+// and says which were allowed.
+constexpr std::array kFields = {
+    Field{"width", "PIXELS", "640 when left out"},
+    Field{"height", "PIXELS", "480 when left out"},
+    Field{"mode", "NAME", "shaded, normal, depth, triangle, ambient-occlusion or cost"},
+    Field{"projection", "NAME", "perspective or orthographic"},
+    Field{"eye", "X,Y,Z", "Where the camera stands; chosen to frame the mesh when left out"},
+    Field{"target", "X,Y,Z", "What it looks at"},
+    Field{"up", "X,Y,Z", "What is up in the picture: 0,1,0 when left out"},
+    Field{"fov_deg", "DEGREES", "Vertical angle of view: 40 when left out"},
+    Field{"view_height", "LENGTH", "Orthographic: height of the picture in mesh units"},
+    Field{"samples", "N", "Rays a pixel"},
+    Field{"precision", "NAME", "fast, watertight, double, exact or auto"},
+    Field{"color", "R,G,B", "Of the surface, sRGB in 0..1"},
+    Field{"background", "R,G,B", "sRGB in 0..1, or transparent"},
+    Field{"lights", "JSON", "A list of lights; a headlight when left out"},
+    Field{"ao_radius", "LENGTH", "How far ambient occlusion looks"},
+    Field{"cells_depth", "DEPTH", "Draw the tree's boxes of that depth"},
+    Field{"region", "X0,Y0,X1,Y1", "Only these pixels of the whole picture, half-open"},
+    Field{"seed", "N", "Of the random samples"},
+    Field{"budget_ms", "MS", "The best picture within that time"},
+    Field{"max_noise", "NOISE", "Each pixel stops below this standard error"},
+    Field{"max_samples", "N", "At most that many rays a pixel"},
+    Field{"deadline_ms", "MS", "Give up after that time"},
+};
+constexpr std::array kSwitches = {
+    Field{"shadows", "", "Lights cast shadows"},
+    Field{"smooth", "", "Use the vertex normals that the file has"},
+};
+
+struct Options {
+  std::string tree;
+  std::string output;
+  std::array<std::string, kFields.size()> values;
+  std::array<bool, kSwitches.size()> switches{};
+};
+
+std::string OptionName(const char* field) {
+  std::string name = std::string("--") + field;
+  for (char& c : name)
+    if (c == '_') c = '-';
+  return name;
+}
+
+void Render(const Options& options, Session& session) {
+  const bool is_npy = options.output.ends_with(".npy");
+  if (!is_npy && options.output != "-" && !options.output.ends_with(".png"))
+    throw UsageError("-o must end in .png or .npy: that says what is asked for");
+  Parameters fields;
+  for (std::size_t i = 0; i < kFields.size(); ++i)
+    if (!options.values[i].empty()) fields.emplace_back(kFields[i].name, options.values[i]);
+  for (std::size_t i = 0; i < kSwitches.size(); ++i)
+    if (options.switches[i]) fields.emplace_back(kSwitches[i].name, "true");
+
+  OutputFile file(options.output, session.console());
+  Client client = session.Connect();
+  const std::string id = session.TreeIdFor(client, options.tree);
+  const Answer answer = client.Render(id, is_npy ? "npy" : "png", fields);
+  file.Write(answer.body);
+  file.Commit();
+  session.Say(options.output + ": " + ByteText(static_cast<double>(answer.body.size())) + ", " +
+              AnswerText(answer.response));
+}
+
+}  // namespace
+
+void AddRender(CLI::App& app, Session& session) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("render", "Picture of a tree's mesh, as .png or .npy");
+  command->add_option("tree", options->tree, "Tree, or a mesh file to upload first")
+      ->required()
+      ->type_name("ID|FILE");
+  command->add_option("-o,--output", options->output, "Picture to write: .png, .npy, or - (a PNG)")
+      ->required()
+      ->type_name("FILE");
+  for (std::size_t i = 0; i < kFields.size(); ++i)
+    command->add_option(OptionName(kFields[i].name), options->values[i], kFields[i].description)
+        ->type_name(kFields[i].type);
+  for (std::size_t i = 0; i < kSwitches.size(); ++i)
+    command->add_flag(OptionName(kSwitches[i].name), options->switches[i],
+                      kSwitches[i].description);
+  command->callback([options, &session] { Render(*options, session); });
+}
+
+}  // namespace kdray::client

@@ -1,0 +1,43 @@
+// What every subcommand shares: which server, with what token, and where words go.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "clients/cpp/client/client.h"
+#include "clients/cpp/client/upload.h"
+#include "clients/cpp/command/command.h"
+
+namespace kdray::client {
+
+class Session {
+ public:
+  explicit Session(Console console) : console_(console) {}
+
+  /// --server, --token, --timeout, --quiet.
+  void AddOptions(CLI::App& app);
+
+  /// A client for the chosen server. Throws UsageError when its address is none.
+  Client Connect() const;
+
+  /// Uploads with progress on standard error, and one line about the tree when it is new.
+  UploadResult Upload(Client& client, const std::string& path, const std::string& build);
+
+  /// The tree that an argument `ID|FILE` means: a file that exists here is uploaded first (build
+  /// `auto`), everything else is an id or the beginning of one.
+  std::string TreeIdFor(Client& client, const std::string& id_or_file);
+
+  /// A line for people; nothing under --quiet.
+  void Say(const std::string& line);
+
+  Console& console() { return console_; }
+
+ private:
+  Console console_;
+  std::string server_ = "http://127.0.0.1:8080";
+  std::string token_;
+  int timeout_s_ = ClientOptions{}.timeout_s;
+  bool quiet_ = false;
+};
+
+}  // namespace kdray::client
