@@ -14,11 +14,13 @@ void Session::AddOptions(CLI::App& app) {
   app.add_option("--server", server_, "Address of kdrayd")
       ->envname("KDRAY_SERVER")
       ->type_name("URL")
+      ->take_last()
       ->capture_default_str();
   app.add_option("--token", token_,
                  "Bearer token, where the server wants one; better in the environment, where other "
                  "users do not see it")
       ->envname("KDRAY_TOKEN")
+      ->take_last()
       ->type_name("TOKEN");
   app.add_option("--timeout", timeout_s_, "Longest silence of the server to wait for, in seconds")
       ->check(CLI::Range(1, 86400))
