@@ -1,0 +1,168 @@
+// A camera that circles a target: what the mouse moves and what a render request says.
+// Right-handed, pictures have row 0 at the top, as in the service's contract.
+import { add, cross, dot, length, normalize, scale, sub } from './vector.js';
+
+const RADIANS = Math.PI / 180;
+const STEEPEST = 89.9 * RADIANS; // at 90 degrees "up" would have no direction in the picture
+
+// For each up axis: what is up, where the front is (azimuth 0), and what is to its right.
+const FRAMES = {
+  y: { up: [0, 1, 0], front: [0, 0, 1], right: [1, 0, 0] },
+  z: { up: [0, 0, 1], front: [0, -1, 0], right: [1, 0, 0] },
+};
+
+export class OrbitCamera {
+  constructor() {
+    this.upAxis = 'y';
+    this.fovDeg = 40;
+    this.projection = 'perspective';
+    this.frame([-1, -1, -1], [1, 1, 1]);
+  }
+
+  /** The mesh's box: what zooming and the orthographic eye are measured by. */
+  measure(min, max) {
+    this.center = scale(add(min, max), 0.5);
+    this.radius = length(sub(max, min)) / 2 || 1;
+  }
+
+  /** Looks at the whole box from slightly above and aside. */
+  frame(min, max) {
+    this.measure(min, max);
+    this.target = this.center;
+    this.azimuth = 30 * RADIANS;
+    this.elevation = 20 * RADIANS;
+    this.distance = (this.radius * 1.05) / Math.sin((this.fovDeg / 2) * RADIANS);
+  }
+
+  /** Unit vector from the target to the eye. */
+  get direction() {
+    const { up, front, right } = FRAMES[this.upAxis];
+    const flat = add(scale(front, Math.cos(this.azimuth)), scale(right, Math.sin(this.azimuth)));
+    return add(scale(flat, Math.cos(this.elevation)), scale(up, Math.sin(this.elevation)));
+  }
+
+  get up() {
+    return FRAMES[this.upAxis].up;
+  }
+
+  /** Height of what is seen at the target, in mesh units. */
+  get viewHeight() {
+    return 2 * this.distance * Math.tan((this.fovDeg / 2) * RADIANS);
+  }
+
+  get eye() {
+    // An orthographic eye stands outside the mesh however far one has zoomed in: nothing before it
+    // is seen.
+    const away =
+      this.projection === 'orthographic'
+        ? 2 * this.radius + length(sub(this.target, this.center))
+        : this.distance;
+    return add(this.target, scale(this.direction, away));
+  }
+
+  /** Unit vectors of the picture: forward, right, down its rows negative up. */
+  get axes() {
+    const forward = scale(this.direction, -1);
+    const right = normalize(cross(forward, this.up));
+    return { forward, right, up: cross(right, forward) };
+  }
+
+  /** Turns by angles in radians: positive moves the eye to its right and up. */
+  orbit(azimuth, elevation) {
+    this.azimuth = (this.azimuth + azimuth) % (2 * Math.PI);
+    this.elevation = Math.max(-STEEPEST, Math.min(STEEPEST, this.elevation + elevation));
+  }
+
+  /** Moves eye and target by parts of the picture's height, to its right and up. */
+  pan(right, up) {
+    const axes = this.axes;
+    const shift = add(scale(axes.right, right), scale(axes.up, up));
+    this.target = add(this.target, scale(shift, this.viewHeight));
+  }
+
+  /** Below 1 nearer, above 1 farther. */
+  zoom(factor) {
+    const distance = this.distance * factor;
+    this.distance = Math.max(this.radius * 1e-4, Math.min(this.radius * 1e3, distance));
+  }
+
+  /** The ray through a point of the picture: x, y in [0, 1], y down; direction of unit length. */
+  ray(x, y, aspect) {
+    const { forward, right, up } = this.axes;
+    const across = (2 * x - 1) * aspect;
+    const upwards = 1 - 2 * y;
+    if (this.projection === 'orthographic') {
+      const half = this.viewHeight / 2;
+      const offset = add(scale(right, across * half), scale(up, upwards * half));
+      return { origin: add(this.eye, offset), direction: forward };
+    }
+    const half = Math.tan((this.fovDeg / 2) * RADIANS);
+    const aside = add(scale(right, across * half), scale(up, upwards * half));
+    return { origin: this.eye, direction: normalize(add(forward, aside)) };
+  }
+
+  /** Where a point of the mesh is in the picture: {x, y} as for ray(); null behind the eye. */
+  project(point, aspect) {
+    const { forward, right, up } = this.axes;
+    const offset = sub(point, this.eye);
+    const depth = dot(offset, forward);
+    if (depth <= 0) return null;
+    const half =
+      this.projection === 'orthographic'
+        ? this.viewHeight / 2
+        : depth * Math.tan((this.fovDeg / 2) * RADIANS);
+    return {
+      x: (dot(offset, right) / (half * aspect) + 1) / 2,
+      y: (1 - dot(offset, up) / half) / 2,
+    };
+  }
+
+  /** The camera's part of a render request. */
+  parameters() {
+    const parameters = {
+      eye: vectorText(this.eye),
+      target: vectorText(this.target),
+      up: vectorText(this.up),
+      projection: this.projection,
+    };
+    if (this.projection === 'orthographic') parameters.view_height = numberText(this.viewHeight);
+    else parameters.fov_deg = numberText(this.fovDeg);
+    return parameters;
+  }
+
+  /** Takes parameters() back, of which all but eye and target may be missing. False if unusable. */
+  restore(parameters) {
+    const eye = parseVector(parameters.eye);
+    const target = parseVector(parameters.target);
+    const up = parseVector(parameters.up ?? '0,1,0');
+    if (!eye || !target || !up || length(sub(eye, target)) === 0) return false;
+    this.upAxis = Math.abs(up[2]) > Math.abs(up[1]) ? 'z' : 'y';
+    this.projection =
+      parameters.projection === 'orthographic' ? 'orthographic' : 'perspective';
+    const { up: axis, front, right } = FRAMES[this.upAxis];
+    const direction = normalize(sub(eye, target));
+    this.target = target;
+    this.azimuth = Math.atan2(dot(direction, right), dot(direction, front));
+    this.elevation = Math.asin(Math.max(-1, Math.min(1, dot(direction, axis))));
+    this.orbit(0, 0); // keeps the elevation within its bounds
+    const height = Number(parameters.view_height);
+    this.distance =
+      this.projection === 'orthographic' && height > 0
+        ? height / (2 * Math.tan((this.fovDeg / 2) * RADIANS))
+        : length(sub(eye, target));
+    return true;
+  }
+
+  clone() {
+    return Object.assign(new OrbitCamera(), this);
+  }
+}
+
+/** Ten digits: a mesh in far-away coordinates still turns smoothly, and URLs stay readable. */
+export const numberText = (number) => String(Number(number.toPrecision(10)));
+export const vectorText = (vector) => vector.map(numberText).join(',');
+
+function parseVector(text) {
+  const numbers = String(text).split(',').map(Number);
+  return numbers.length === 3 && numbers.every(Number.isFinite) ? numbers : null;
+}
