@@ -5,6 +5,8 @@ import { add, cross, dot, length, normalize, scale, sub } from './vector.js';
 const RADIANS = Math.PI / 180;
 const STEEPEST = 89.9 * RADIANS; // at 90 degrees "up" would have no direction in the picture
 
+const MARGIN = 1.08; // of a framed mesh, so that it does not touch the picture's border
+
 // For each up axis: what is up, where the front is (azimuth 0), and what is to its right.
 const FRAMES = {
   y: { up: [0, 1, 0], front: [0, 0, 1], right: [1, 0, 0] },
@@ -25,13 +27,21 @@ export class OrbitCamera {
     this.radius = length(sub(max, min)) / 2 || 1;
   }
 
-  /** Looks at the whole box from slightly above and aside. */
-  frame(min, max) {
+  /** Looks at the whole box from slightly above and aside, as near as it fits. */
+  frame(min, max, aspect = 1) {
     this.measure(min, max);
     this.target = this.center;
     this.azimuth = 30 * RADIANS;
     this.elevation = 20 * RADIANS;
-    this.distance = (this.radius * 1.05) / Math.sin((this.fovDeg / 2) * RADIANS);
+    const { forward, right, up } = this.axes;
+    const slope = Math.tan((this.fovDeg / 2) * RADIANS);
+    const needed = corners(min, max).map((corner) => {
+      const offset = sub(corner, this.center);
+      const half = Math.max(Math.abs(dot(offset, up)), Math.abs(dot(offset, right)) / aspect);
+      const nearer = this.projection === 'orthographic' ? 0 : dot(offset, forward);
+      return half / slope - nearer;
+    });
+    this.distance = (Math.max(...needed) || this.radius) * MARGIN;
   }
 
   /** Unit vector from the target to the eye. */
@@ -161,6 +171,10 @@ export class OrbitCamera {
 /** Ten digits: a mesh in far-away coordinates still turns smoothly, and URLs stay readable. */
 export const numberText = (number) => String(Number(number.toPrecision(10)));
 export const vectorText = (vector) => vector.map(numberText).join(',');
+
+function corners(min, max) {
+  return [0, 1, 2, 3, 4, 5, 6, 7].map((bits) => min.map((low, axis) => (bits >> axis & 1 ? max[axis] : low)));
+}
 
 function parseVector(text) {
   const numbers = String(text).split(',').map(Number);

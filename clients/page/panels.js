@@ -12,7 +12,6 @@ export function showTrees(trees, chosenId, onChoose) {
     const facts = [
       tree.mesh.triangles === undefined ? null : `${countText(tree.mesh.triangles)} triangles`,
       tree.tree?.build,
-      tree.mesh.format,
       bytesText(tree.mesh.bytes),
     ];
     const button = element(

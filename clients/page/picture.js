@@ -10,6 +10,7 @@ const FINE_SAMPLES = 8;
 const SLOW_MS = 3000; // a full picture that took longer is not made finer
 
 const QUALITY = { none: 0, moving: 1, full: 2, fine: 3 };
+const QUALITY_NAMES = Object.keys(QUALITY);
 
 export class Picture {
   /**
@@ -126,7 +127,7 @@ export class Picture {
         this.onShown({
           camera,
           ...size,
-          quality,
+          quality: QUALITY_NAMES[quality],
           totalMs,
           precision: response.headers.get('Kdray-Precision'),
           traceMs: serverTiming(response).trace,

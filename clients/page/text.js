@@ -18,7 +18,7 @@ export const shortNumber = (number, digits = 4) =>
 export const millisecondsText = (ms) =>
   !Number.isFinite(ms) ? '–' : ms < 1000 ? `${shortNumber(ms, 3)} ms` : `${shortNumber(ms / 1000, 3)} s`;
 
-export const pointText = (point) => point.map((x) => shortNumber(x, 5)).join('  ');
+export const pointText = (point) => point.map((x) => shortNumber(x, 5)).join(', ');
 
 /** Twelve digits of the digest, then the build, as the kdray command shows ids. */
 export const shortId = (id) => id.slice(0, 12) + id.slice(64);

@@ -1,0 +1,18 @@
+// Asks for the token that a server with --token-file wants.
+
+/** Resolves with what was typed; nothing works without it, so the question stays until then. */
+export function askForToken(dialog, field) {
+  field.value = '';
+  dialog.showModal();
+  return new Promise((resolve) => {
+    const closed = () => {
+      if (!field.value) {
+        dialog.showModal(); // Escape
+        return;
+      }
+      dialog.removeEventListener('close', closed);
+      resolve(field.value);
+    };
+    dialog.addEventListener('close', closed);
+  });
+}
