@@ -2,6 +2,8 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <limits>
 #include <sstream>
 #include <thread>
@@ -18,8 +20,41 @@ std::string EnvironmentName(const std::string& option) {
   return name;
 }
 
-/// CLI11 2.1 takes "abc" in an environment variable for an option that was not given; here it is a
-/// mistake as on the command line, which its own conversion reports.
+/// Turns `1048576`, `4GiB` or `10 GB` into the number of bytes; says what is wrong with anything
+/// else. CLI11's own AsSizeValue takes -1 for a very large number.
+std::string SizeToBytes(std::string& text) {
+  struct Unit {
+    std::string_view name;
+    std::uint64_t bytes;
+  };
+  constexpr std::array kUnits = {
+      Unit{"", 1},
+      Unit{"B", 1},
+      Unit{"KB", 1'000},
+      Unit{"MB", 1'000'000},
+      Unit{"GB", 1'000'000'000},
+      Unit{"TB", 1'000'000'000'000},
+      Unit{"KIB", std::uint64_t{1} << 10},
+      Unit{"MIB", std::uint64_t{1} << 20},
+      Unit{"GIB", std::uint64_t{1} << 30},
+      Unit{"TIB", std::uint64_t{1} << 40},
+  };
+  std::uint64_t number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  std::string name = text.substr(static_cast<std::size_t>(end - text.data()));
+  name.erase(0, name.find_first_not_of(' '));
+  const auto unit = std::find_if(kUnits.begin(), kUnits.end(), [&name](const Unit& known) {
+    return CLI::detail::to_lower(std::string(known.name)) == CLI::detail::to_lower(name);
+  });
+  if (error != std::errc() || unit == kUnits.end() || number == 0 ||
+      number > std::numeric_limits<std::int64_t>::max() / unit->bytes) {
+    return "'" + text +
+           "' is no size; write bytes, or a number with KiB, MiB, GiB, TiB, kB, MB, GB or TB";
+  }
+  text = std::to_string(number * unit->bytes);
+  return {};
+}
+
 class Options {
  public:
   explicit Options(CLI::App& app) : app_(app) {}
@@ -28,10 +63,11 @@ class Options {
   CLI::Option* Add(const std::string& name, T& value, const std::string& help) {
     return app_.add_option(name, value, help)->envname(EnvironmentName(name));
   }
-  /// Bytes, with or without a unit: 1048576, 1MiB, 4GB.
   template <class T>
   CLI::Option* AddSize(const std::string& name, T& value, const std::string& help) {
-    return Add(name, value, help)->transform(CLI::AsSizeValue(true))->type_name("SIZE");
+    return Add(name, value, help)
+        ->transform(CLI::Validator(SizeToBytes, "", "size"))
+        ->type_name("SIZE");
   }
 
  private:

@@ -38,8 +38,8 @@ HttpResponse HtmlAnswer(const Services& services, HttpBody body, std::string_vie
 
 }  // namespace
 
-api::Outcome<HttpResponse> GetPage(const Services& services, Call& call) {
-  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+api::Outcome<HttpResponse> GetPage(const Services& services, Call&) {
+  // Parameters are the page's own.
   return HtmlAnswer(services, HttpBody::Static(ViewerPage()), ViewerPagePolicy());
 }
 

@@ -1,0 +1,268 @@
+// An engine without geometry: meshes are any bytes, every tree is the plane z = 0. For tests of the
+// HTTP side.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "api/names.h"
+#include "api/tree_id.h"
+#include "core/base/hash.h"
+#include "server/engine.h"
+
+namespace kdray::test {
+
+/// Bytes that begin with "building" are never built, unless `finish_builds`; those that begin with
+/// "broken" are no mesh. Queries run while `hold` is false, and end early when they are cancelled.
+class StubEngine final : public server::Engine {
+ public:
+  std::atomic<bool> hold{false}, ready{true}, finish_builds{false};
+  std::atomic<int> running{0}, most_running{0}, cancelled{0}, renders{0};
+  std::atomic<bool> was_shut_down{false};
+  /// What the next uploads are refused with.
+  std::optional<api::Problem> upload_problem;
+
+  api::Outcome<std::unique_ptr<server::MeshUpload>> BeginUpload(std::uint64_t) override {
+    if (upload_problem) return *upload_problem;
+    return std::unique_ptr<server::MeshUpload>(std::make_unique<Upload>(*this));
+  }
+
+  api::Outcome<server::MeshUpload::Stored> BuildStored(std::string_view sha256,
+                                                       api::Build build) override {
+    std::string bytes;
+    {
+      const std::lock_guard lock(mutex_);
+      const auto mesh = std::find_if(trees_.begin(), trees_.end(), [&](const auto& tree) {
+        return tree.first.substr(0, 64) == sha256;
+      });
+      if (mesh == trees_.end()) {
+        return api::Problem{.code = api::ErrorCode::kMeshNotFound, .detail = "no such mesh"};
+      }
+      bytes = mesh->second;
+    }
+    return Store(bytes, build);
+  }
+
+  api::Outcome<api::TreeDescription> Describe(std::string_view id) override {
+    const std::lock_guard lock(mutex_);
+    const auto tree = trees_.find(std::string(id));
+    if (tree == trees_.end()) return NotFound();
+    return Describe(tree->first, tree->second);
+  }
+
+  api::Outcome<api::TreeDescription> WaitUntilBuilt(std::string_view id,
+                                                    std::chrono::steady_clock::time_point until,
+                                                    const server::CancelToken& cancel) override {
+    for (;;) {
+      auto tree = Describe(id);
+      if (!tree || tree->ready || cancel.ShouldStop() ||
+          std::chrono::steady_clock::now() >= until) {
+        return tree;
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  }
+
+  api::Outcome<api::TreePage> List(std::string_view mesh, std::size_t limit,
+                                   std::string_view after) override {
+    const std::lock_guard lock(mutex_);
+    api::TreePage page;
+    for (const auto& [id, bytes] : trees_) {
+      if (id <= after || (!mesh.empty() && id.substr(0, 64) != mesh)) continue;
+      if (page.trees.size() == limit) {
+        page.next = page.trees.back().id;
+        break;
+      }
+      if (auto tree = Describe(id, bytes)) page.trees.push_back(*std::move(tree));
+    }
+    return page;
+  }
+
+  api::Check Delete(std::string_view id) override {
+    const std::lock_guard lock(mutex_);
+    return trees_.erase(std::string(id)) == 0 ? api::Check(NotFound()) : std::nullopt;
+  }
+
+  api::Outcome<std::unique_ptr<server::MeshBytes>> OpenMesh(std::string_view id) override {
+    const std::lock_guard lock(mutex_);
+    const auto tree = trees_.find(std::string(id));
+    if (tree == trees_.end()) return NotFound();
+    return std::unique_ptr<server::MeshBytes>(std::make_unique<Bytes>(tree->second));
+  }
+
+  api::Outcome<api::ClosestAnswer> Closest(std::string_view, const api::RayTable& rays,
+                                           const api::RayOptions& options,
+                                           const server::CancelToken& cancel) override {
+    if (auto problem = Work(options.precision, cancel)) return *std::move(problem);
+    api::ClosestAnswer answer;
+    answer.precision = api::Precision::kWatertight;
+    answer.trace_ms = 0.5;
+    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    for (const auto& [t, valid] : Planes(rays)) {
+      if (!valid) answer.invalid.push_back(answer.hits.size());
+      const bool hit = valid && t >= 0;
+      answer.hits.push_back({!valid ? kNan : hit ? t : kInfinity, 0, 0, hit ? 0 : -1});
+      answer.normals.push_back({0, 0, 1});
+      answer.points.push_back({0, 0, 0});
+    }
+    return answer;
+  }
+
+  api::Outcome<api::AnyAnswer> Any(std::string_view, const api::RayTable& rays,
+                                   const api::RayOptions& options,
+                                   const server::CancelToken& cancel) override {
+    if (auto problem = Work(options.precision, cancel)) return *std::move(problem);
+    api::AnyAnswer answer;
+    answer.precision = api::Precision::kWatertight;
+    for (const auto& [t, valid] : Planes(rays)) {
+      if (!valid) answer.invalid.push_back(answer.occluded.size());
+      answer.occluded.push_back(valid && t >= 0 ? 1 : 0);
+    }
+    return answer;
+  }
+
+  api::Outcome<api::RenderAnswer> Render(std::string_view, const api::RenderRequest& request,
+                                         bool png, const server::CancelToken& cancel) override {
+    if (auto problem = Work(request.precision, cancel)) return *std::move(problem);
+    ++renders;
+    api::RenderAnswer answer;
+    answer.precision = api::Precision::kWatertight;
+    if (png) {
+      constexpr std::string_view kPng = "\x89PNG\r\n\x1a\n";
+      std::vector<std::byte> bytes(kPng.size());
+      std::memcpy(bytes.data(), kPng.data(), kPng.size());
+      answer.image = std::move(bytes);
+    } else {
+      api::ImageArray image;
+      image.width = static_cast<std::size_t>(request.width);
+      image.height = static_cast<std::size_t>(request.height);
+      image.values = std::vector<float>(image.width * image.height, 1.0F);
+      answer.image = std::move(image);
+    }
+    return answer;
+  }
+
+  api::Outcome<std::vector<api::Cell>> Cells(std::string_view, std::uint32_t depth,
+                                             const server::CancelToken& cancel) override {
+    if (auto problem = Work(api::Precision::kAuto, cancel)) return *std::move(problem);
+    if (depth > 30) {
+      return api::Problem{.code = api::ErrorCode::kTooManyCells, .detail = "too many cells"};
+    }
+    return std::vector<api::Cell>{
+        {.bounds = {{0, 0, 0}, {1, 1, 1}}, .depth = depth, .leaf = true, .triangles = 1}};
+  }
+
+  bool IsReady() const override { return ready; }
+  void Shutdown() override { was_shut_down = true; }
+
+ private:
+  class Upload final : public server::MeshUpload {
+   public:
+    explicit Upload(StubEngine& engine) : engine_(engine) {}
+    api::Check Append(std::span<const std::byte> bytes) override {
+      bytes_.append(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+      return std::nullopt;
+    }
+    api::Outcome<Stored> Finish(api::Build build) override { return engine_.Store(bytes_, build); }
+
+   private:
+    StubEngine& engine_;
+    std::string bytes_;
+  };
+
+  class Bytes final : public server::MeshBytes {
+   public:
+    explicit Bytes(std::string bytes) : bytes_(std::move(bytes)) {}
+    std::uint64_t size() const override { return bytes_.size(); }
+    bool Read(std::uint64_t offset, std::span<std::byte> out) const override {
+      if (offset + out.size() > bytes_.size()) return false;
+      std::memcpy(out.data(), bytes_.data() + offset, out.size());
+      return true;
+    }
+
+   private:
+    std::string bytes_;
+  };
+
+  static api::Problem NotFound() {
+    return {.code = api::ErrorCode::kTreeNotFound, .detail = "no such tree"};
+  }
+
+  api::Outcome<server::MeshUpload::Stored> Store(const std::string& bytes, api::Build build) {
+    const std::string id =
+        api::FormatTreeId(core::HashBytes(std::as_bytes(std::span(bytes))).ToHex(), build);
+    const std::lock_guard lock(mutex_);
+    const bool existed = !trees_.emplace(id, bytes).second;
+    return server::MeshUpload::Stored{id, existed};
+  }
+
+  api::Outcome<api::TreeDescription> Describe(const std::string& id,
+                                              const std::string& bytes) const {
+    if (bytes.starts_with("broken")) {
+      return api::Problem{
+          .code = api::ErrorCode::kInvalidMesh, .detail = "it is broken", .line = 1};
+    }
+    api::TreeDescription tree;
+    tree.id = id;
+    tree.ready = finish_builds || !bytes.starts_with("building");
+    tree.progress = tree.ready ? 1 : 0.5;
+    tree.created_at = "2024-01-01T00:00:00.000Z";
+    tree.mesh.sha256 = id.substr(0, 64);
+    tree.mesh.bytes = bytes.size();
+    if (tree.ready) tree.tree.emplace().build_ms = 1;
+    return tree;
+  }
+
+  /// Spends the time of a query.
+  api::Check Work(api::Precision precision, const server::CancelToken& cancel) {
+    if (precision == api::Precision::kExact) {
+      return api::Problem{.code = api::ErrorCode::kInvalidParameter,
+                          .detail = "not here",
+                          .parameter = "precision"};
+    }
+    const int now = ++running;
+    for (int most = most_running; most < now && !most_running.compare_exchange_weak(most, now);) {
+    }
+    while (hold && !cancel.ShouldStop()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    --running;
+    if (!cancel.ShouldStop()) return std::nullopt;
+    ++cancelled;
+    return api::Problem{.code = api::ErrorCode::kDeadlineExceeded, .detail = "out of time"};
+  }
+
+  /// Distance to z = 0 along each ray (negative: none), and whether the ray is one.
+  static std::vector<std::pair<double, bool>> Planes(const api::RayTable& rays) {
+    std::vector<std::pair<double, bool>> planes;
+    std::visit(
+        [&planes](const auto& rows) {
+          for (const auto& row : rows) {
+            const auto oz = static_cast<double>(row.oz), dz = static_cast<double>(row.dz);
+            const bool valid =
+                std::isfinite(oz) && std::isfinite(dz) && (row.dx != 0 || row.dy != 0 || dz != 0);
+            planes.emplace_back(dz == 0 ? -1 : -oz / dz, valid);
+          }
+        },
+        rays.rows);
+    return planes;
+  }
+
+  mutable std::mutex mutex_;
+  std::map<std::string, std::string> trees_;  ///< id to mesh bytes
+};
+
+}  // namespace kdray::test

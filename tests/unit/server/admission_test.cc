@@ -1,0 +1,149 @@
+#include "server/admission.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <thread>
+#include <vector>
+
+namespace kdray::server {
+namespace {
+
+using namespace std::chrono_literals;
+using api::ErrorCode;
+using core::CancelToken;
+using Clock = std::chrono::steady_clock;
+
+void WaitFor(const auto& condition) {
+  for (int i = 0; i < 5000 && !condition(); ++i) std::this_thread::sleep_for(1ms);
+  ASSERT_TRUE(condition());
+}
+
+TEST(Admission, LetsAsManyInAsMayRun) {
+  Admission admission(2, 0);
+  auto first = admission.Enter({});
+  auto second = admission.Enter({});
+  EXPECT_TRUE(first.ok());
+  EXPECT_TRUE(second.ok());
+  const auto third = admission.Enter({});
+  ASSERT_FALSE(third.ok());
+  EXPECT_EQ(third.problem().code, ErrorCode::kOverloaded);
+  EXPECT_EQ(third.problem().retry_after_s, 1);
+}
+
+TEST(Admission, GivesATurnBackWhenItEnds) {
+  Admission admission(1, 0);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_TRUE(admission.Enter({}).ok());
+    EXPECT_EQ(admission.running(), 0U);
+  }
+}
+
+TEST(Admission, KeepsTheOrderOfThoseWhoWait) {
+  Admission admission(1, 10);
+  std::optional<Admission::Turn> turn = *admission.Enter({});
+  std::vector<int> order;
+  std::vector<std::jthread> threads;
+  for (int i = 0; i < 5; ++i) {
+    threads.emplace_back([&, i] {
+      const auto mine = admission.Enter({});
+      order.push_back(i);  // one at a time
+    });
+    WaitFor([&] { return admission.queued() == static_cast<std::size_t>(i + 1); });
+  }
+  turn.reset();
+  threads.clear();
+  EXPECT_EQ(order, (std::vector<int>{0, 1, 2, 3, 4}));
+}
+
+TEST(Admission, TellsHowLongATurnWasWaitedFor) {
+  Admission admission(1, 1);
+  std::optional<Admission::Turn> turn = *admission.Enter({});
+  EXPECT_LT(turn->waited_ms(), 10);
+  std::jthread thread([&] {
+    const auto mine = admission.Enter({});
+    EXPECT_GE(mine->waited_ms(), 50);
+  });
+  WaitFor([&] { return admission.queued() == 1; });
+  std::this_thread::sleep_for(60ms);
+  turn.reset();
+}
+
+TEST(Admission, EndsTheWaitAtTheDeadline) {
+  Admission admission(1, 1);
+  const auto turn = admission.Enter({});
+  const auto start = Clock::now();
+  const auto late = admission.Enter(CancelToken::WithDeadline(start + 30ms));
+  ASSERT_FALSE(late.ok());
+  EXPECT_EQ(late.problem().code, ErrorCode::kDeadlineExceeded);
+  EXPECT_LT(Clock::now() - start, 1s);
+  EXPECT_EQ(admission.queued(), 0U);
+}
+
+TEST(Admission, EndsTheWaitOfAClientThatLeaves) {
+  Admission admission(1, 1);
+  const auto turn = admission.Enter({});
+  const auto cancel = CancelToken::Cancellable();
+  std::jthread thread([&] { EXPECT_FALSE(admission.Enter(cancel).ok()); });
+  WaitFor([&] { return admission.queued() == 1; });
+  cancel.Cancel();
+  const auto start = Clock::now();
+  thread.join();
+  EXPECT_LT(Clock::now() - start, 250ms);
+}
+
+TEST(Admission, NeverLetsMoreRunUnderLoad) {
+  Admission admission(3, 1000);
+  std::atomic<int> running{0}, most{0}, turns{0};
+  {
+    std::vector<std::jthread> threads;
+    for (int i = 0; i < 16; ++i) {
+      threads.emplace_back([&] {
+        for (int j = 0; j < 200; ++j) {
+          const auto turn = admission.Enter({});
+          const int now = ++running;
+          for (int seen = most; seen < now && !most.compare_exchange_weak(seen, now);) {
+          }
+          ++turns;
+          --running;
+        }
+      });
+    }
+  }
+  EXPECT_EQ(turns, 3200);
+  EXPECT_LE(most, 3);
+}
+
+TEST(MemoryBudget, RefusesWhatDoesNotFitNow) {
+  MemoryBudget budget(100);
+  auto first = budget.Take(60);
+  EXPECT_TRUE(first.ok());
+  EXPECT_TRUE(budget.Take(40).ok());
+  const auto refused = budget.Take(41);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.problem().code, ErrorCode::kMemoryFull);
+  EXPECT_EQ(refused.problem().retry_after_s, 1);
+}
+
+TEST(MemoryBudget, TakesBackWhatIsNoLongerHeld) {
+  MemoryBudget budget(100);
+  {
+    MemoryBudget::Share share = *budget.Take(100);
+    const MemoryBudget::Share moved = std::move(share);
+    EXPECT_EQ(budget.used(), 100U);
+  }
+  EXPECT_EQ(budget.used(), 0U);
+}
+
+TEST(MemoryBudget, LetsALargeRequestInAlone) {
+  MemoryBudget budget(100);
+  const auto large = budget.Take(1'000'000);
+  EXPECT_TRUE(large.ok());
+  EXPECT_FALSE(budget.Take(1).ok());
+}
+
+}  // namespace
+}  // namespace kdray::server
