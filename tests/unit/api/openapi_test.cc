@@ -1,0 +1,349 @@
+// openapi.yaml is what clients are written from, the tables are what requests are read with: here
+// the two are held against each other, and the examples against the code that writes and reads
+// their like.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+
+#include "api/answer_codec.h"
+#include "api/batch_codec.h"
+#include "api/names.h"
+#include "api/openapi_document.h"
+#include "api/request_codec.h"
+#include "api/request_fields.h"
+#include "api/tree_id.h"
+
+namespace kdray::api {
+namespace {
+
+using nlohmann::json;
+
+const json& Document() {
+  static const json document = json::parse(OpenApiJson());
+  return document;
+}
+
+/// The value that `$ref` leads to, or the value itself.
+const json& Resolve(const json& value) {
+  if (!value.is_object() || !value.contains("$ref")) return value;
+  return Resolve(Document().at(json::json_pointer(value["$ref"].get<std::string>().substr(1))));
+}
+
+template <class Visit>
+void ForEachValue(const json& value, const Visit& visit) {
+  visit(value);
+  if (value.is_structured()) {
+    for (const json& inner : value) ForEachValue(inner, visit);
+  }
+}
+
+/// Null where the key is missing.
+json At(const json& object, const char* key) { return object.value(key, json()); }
+
+json Example(const std::string& pointer) {
+  return Document().at(json::json_pointer(pointer)).at("value");
+}
+
+TEST(OpenApi, HasNoReferenceThatLeadsNowhere) {
+  int references = 0;
+  ForEachValue(Document(), [&](const json& value) {
+    if (!value.is_object() || !value.contains("$ref")) return;
+    const std::string reference = value["$ref"];
+    ASSERT_EQ(reference.substr(0, 2), "#/") << reference;
+    EXPECT_TRUE(Document().contains(json::json_pointer(reference.substr(1)))) << reference;
+    ++references;
+  });
+  EXPECT_GT(references, 100);
+}
+
+TEST(OpenApi, HoldsItsExamples) {
+  int examples = 0;
+  ForEachValue(Document(), [&](const json& value) {
+    if (value.is_object() && value.contains("examples")) {
+      for (const json& example : value["examples"]) examples += example.contains("value");
+    }
+    EXPECT_FALSE(value.is_object() && value.contains("externalValue"));
+  });
+  EXPECT_GT(examples, 10);
+}
+
+TEST(OpenApi, NamesEveryOperationOnce) {
+  std::set<std::string> ids;
+  for (const auto& [path, item] : Document()["paths"].items()) {
+    for (const char* method : {"get", "post", "delete"}) {
+      if (!item.contains(method)) continue;
+      const json& operation = item[method];
+      EXPECT_TRUE(ids.insert(operation["operationId"]).second) << path;
+      EXPECT_TRUE(operation.contains("summary")) << path;
+      EXPECT_TRUE(operation["responses"].contains("default")) << path;
+    }
+  }
+}
+
+TEST(OpenApi, ListsExactlyTheProblemCodesThereAre) {
+  std::vector<std::string> codes;
+  for (const ErrorRow& row : ErrorTable()) codes.emplace_back(row.name);
+  EXPECT_EQ(Document()["components"]["schemas"]["ProblemCode"]["enum"], json(codes));
+}
+
+TEST(OpenApi, SaysWhereEachProblemComesWithItsStatus) {
+  for (const ErrorRow& row : ErrorTable()) {
+    bool found = false;
+    const auto look = [&](const std::string& status, const json& response) {
+      const std::string text = Resolve(response)["description"];
+      if (text.find(row.name) == std::string::npos) return;
+      found = true;
+      EXPECT_TRUE(status == "default" || status == std::to_string(row.status))
+          << row.name << " stands at status " << status;
+    };
+    for (const json& item : Document()["paths"]) {
+      for (const char* method : {"get", "post", "delete"}) {
+        if (!item.contains(method)) continue;
+        for (const auto& [status, response] : item[method]["responses"].items()) {
+          look(status, response);
+        }
+      }
+    }
+    EXPECT_TRUE(found) << row.name;
+  }
+}
+
+// ---- Fields ----
+
+void ExpectRange(const json& schema, const char* closed, const char* open_key, double limit,
+                 double unbounded, bool open, std::string_view name) {
+  if (limit == unbounded) {
+    EXPECT_FALSE(schema.contains(closed) || schema.contains(open_key)) << name;
+    return;
+  }
+  EXPECT_EQ(schema.value(open ? open_key : closed, std::nan("")), limit) << name;
+  EXPECT_FALSE(schema.contains(open ? closed : open_key)) << name;
+}
+
+void ExpectRange(const json& schema, double min, double max, bool open_min, bool open_max,
+                 std::string_view name) {
+  ExpectRange(schema, "minimum", "exclusiveMinimum", min, std::numeric_limits<double>::lowest(),
+              open_min, name);
+  ExpectRange(schema, "maximum", "exclusiveMaximum", max, std::numeric_limits<double>::max(),
+              open_max, name);
+}
+
+/// The schema among `oneOf` that is no word, after the word was found.
+const json& WithoutWord(const json& schema, std::string_view word, std::string_view name) {
+  if (word.empty()) return schema;
+  EXPECT_EQ(Resolve(schema.at("oneOf").at(1))["enum"], json::array({word})) << name;
+  return Resolve(schema.at("oneOf").at(0));
+}
+
+void ExpectKind(const json& schema, const IntegerKind& kind, std::string_view name) {
+  EXPECT_EQ(At(schema, "type"), "integer") << name;
+  EXPECT_EQ(At(schema, "minimum"), kind.min) << name;
+  EXPECT_EQ(At(schema, "maximum"), kind.max) << name;
+}
+
+void ExpectKind(const json& schema, const NumberKind& kind, std::string_view name) {
+  const json& number = WithoutWord(schema, kind.or_infinity ? "inf" : "", name);
+  EXPECT_EQ(At(number, "type"), "number") << name;
+  ExpectRange(number, kind.min, kind.max, kind.open_min, kind.open_max, name);
+}
+
+void ExpectKind(const json& schema, const VectorKind& kind, std::string_view name) {
+  const json& vector = WithoutWord(schema, kind.word, name);
+  EXPECT_EQ(At(vector, "type"), "array") << name;
+  EXPECT_EQ(At(vector, "minItems"), 3) << name;
+  EXPECT_EQ(At(vector, "maxItems"), 3) << name;
+  EXPECT_EQ(At(vector, "items")["type"], "number") << name;
+  ExpectRange(At(vector, "items"), kind.min, kind.max, false, false, name);
+}
+
+void ExpectKind(const json& schema, const IntegersKind& kind, std::string_view name) {
+  EXPECT_EQ(At(schema, "type"), "array") << name;
+  EXPECT_EQ(At(schema, "minItems"), kind.count) << name;
+  EXPECT_EQ(At(schema, "maxItems"), kind.count) << name;
+  ExpectKind(At(schema, "items"), IntegerKind{kind.min, kind.max}, name);
+}
+
+void ExpectKind(const json& schema, const ChoiceKind& kind, std::string_view name) {
+  EXPECT_EQ(At(schema, "enum"), json(std::vector(kind.names.begin(), kind.names.end()))) << name;
+}
+
+void ExpectKind(const json& schema, const ChoicesKind& kind, std::string_view name) {
+  EXPECT_EQ(At(schema, "type"), "array") << name;
+  EXPECT_EQ(At(schema, "minItems"), 1) << name;
+  EXPECT_EQ(At(schema, "uniqueItems"), true) << name;
+  ExpectKind(At(schema, "items"), ChoiceKind{kind.names}, name);
+}
+
+void ExpectKind(const json& schema, const TextKind&, std::string_view name) {
+  EXPECT_EQ(At(schema, "type"), "string") << name;
+}
+
+/// A schema's default as the text of a parameter.
+std::string DefaultText(const json& value) {
+  if (value.is_string()) return value;
+  if (!value.is_array()) return value.dump();
+  std::string text;
+  for (const json& element : value) text += (text.empty() ? "" : ",") + DefaultText(element);
+  return text;
+}
+
+/// `schema_of(name)` gives a field's schema and whether it is required, null where it is not
+/// documented.
+template <class Request, class SchemaOf>
+void ExpectFields(const FieldTable<Request>& table, const std::set<std::string>& documented,
+                  const SchemaOf& schema_of) {
+  std::set<std::string> names;
+  for (const Field<Request>& field : table.fields) {
+    const std::string name(field.name);
+    names.insert(name);
+    ASSERT_TRUE(documented.contains(name)) << name;
+    const json schema = schema_of(name);
+    std::visit([&](const auto& kind) { ExpectKind(schema, kind, name); }, field.kind);
+    const auto value = field.get(Request{});
+    if (!value || field.required || WriteText(field.kind, *value).empty()) {
+      EXPECT_FALSE(schema.contains("default")) << name;
+    } else {
+      ASSERT_TRUE(schema.contains("default")) << name;
+      EXPECT_EQ(DefaultText(At(schema, "default")), WriteText(field.kind, *value)) << name;
+    }
+  }
+  EXPECT_EQ(names, documented);
+}
+
+template <class Request>
+void ExpectParameters(const char* path, const char* method, const FieldTable<Request>& table) {
+  SCOPED_TRACE(std::string(method) + " " + path);
+  std::map<std::string, json> parameters;
+  std::set<std::string> names;
+  for (const json& reference : Document()["paths"][path][method]["parameters"]) {
+    const json& parameter = Resolve(reference);
+    if (At(parameter, "in") != "query") continue;
+    names.insert(At(parameter, "name"));
+    parameters[At(parameter, "name")] = parameter;
+  }
+  ExpectFields(table, names,
+               [&](const std::string& name) { return Resolve(parameters.at(name).at("schema")); });
+  for (const Field<Request>& field : table.fields) {
+    const json& parameter = parameters[std::string(field.name)];
+    EXPECT_EQ(parameter.value("required", false), field.required) << field.name;
+    const bool list = std::holds_alternative<VectorKind>(field.kind) ||
+                      std::holds_alternative<IntegersKind>(field.kind) ||
+                      std::holds_alternative<ChoicesKind>(field.kind);
+    EXPECT_EQ(parameter.value("explode", true), !list) << field.name << ": 1,2,3 is one value";
+  }
+}
+
+TEST(OpenApi, DescribesTheParametersAsTheyAreRead) {
+  const Limits limits;
+  ExpectParameters("/v1/trees", "post", UploadFields(limits));
+  ExpectParameters("/v1/trees", "get", ListFields());
+  ExpectParameters("/v1/trees/{id}", "get", DescribeFields(limits));
+  ExpectParameters("/v1/trees/{id}/cells", "get", CellsFields());
+  ExpectParameters("/v1/trees/{id}/rays/closest", "post", ClosestFields(limits));
+  ExpectParameters("/v1/trees/{id}/rays/any", "post", AnyFields(limits));
+  ExpectParameters("/v1/trees/{id}/render.png", "get", RenderFields(limits));
+  ExpectParameters("/v1/trees/{id}/render.npy", "get", RenderFields(limits));
+}
+
+TEST(OpenApi, DescribesTheFieldsOfRendersAsTheyAreRead) {
+  const json& schema = Document().at("components").at("schemas").at("RenderRequest");
+  EXPECT_EQ(At(schema, "additionalProperties"), false);
+  std::set<std::string> names;
+  const json properties = At(schema, "properties");
+  for (const auto& [name, property] : properties.items()) names.insert(name);
+  ExpectFields(RenderFields(Limits{}), names,
+               [&](const std::string& name) { return Resolve(properties.at(name)); });
+}
+
+TEST(OpenApi, NamesThePrecisionsThatCanHaveBeenUsed) {
+  std::vector<std::string_view> used(kAvailablePrecisionNames.begin() + 1,
+                                     kAvailablePrecisionNames.end());
+  EXPECT_EQ(Document()["components"]["headers"]["Kdray-Precision"]["schema"]["enum"], json(used));
+}
+
+// ---- Examples ----
+
+const std::string kClosest = "/paths/~1v1~1trees~1{id}~1rays~1closest/post";
+const std::string kAny = "/paths/~1v1~1trees~1{id}~1rays~1any/post";
+const std::string kOkJson = "/responses/200/content/application~1json/examples/";
+
+TEST(Examples, OfRequestsAreRead) {
+  const auto rays = DecodeRays(
+      Example("/components/requestBodies/Rays/content/application~1json/examples/square").dump(),
+      BatchType::kJson, {}, Limits{});
+  ASSERT_TRUE(rays) << rays.problem().detail;
+  EXPECT_EQ(rays->size(), 4u);
+  const auto render = DecodeRenderBody(
+      Example("/components/requestBodies/Render/content/application~1json/examples/cells").dump(),
+      "application/json", Limits{});
+  ASSERT_TRUE(render) << render.problem().detail;
+  EXPECT_EQ(render->cells_depth, 4);
+  EXPECT_TRUE(render->transparent);
+}
+
+TEST(Examples, OfBatchAnswersAreWhatIsWritten) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const RayTable rays{{4}, std::vector<RayRow<double>>(4)};
+  ClosestAnswer closest;
+  closest.hits = {
+      {1, 0.5, 0.25, 0}, {kInfinity, 0, 0, -1}, {2, 0.25, 0.5, 1}, {std::nan(""), 0, 0, -1}};
+  closest.invalid = {3};
+  EXPECT_EQ(json::parse(EncodeClosest(closest, rays, {}, BatchType::kJson)),
+            Example(kClosest + kOkJson + "square"));
+  AnyAnswer any;
+  any.occluded = {1, 0, 1, 0};
+  any.invalid = {3};
+  EXPECT_EQ(json::parse(EncodeAny(any, rays, BatchType::kJson)),
+            Example(kAny + kOkJson + "square"));
+}
+
+TEST(Examples, OfDescriptionsAreWhatIsWritten) {
+  const json ready = Example("/paths/~1v1~1trees~1{id}/get" + kOkJson + "ready");
+  const json &mesh = ready["mesh"], &facts = ready["tree"];
+  TreeDescription tree;
+  tree.id = ready["id"];
+  tree.ready = true;
+  tree.progress = 1;
+  tree.created_at = ready["created_at"];
+  tree.mesh = {
+      mesh["sha256"], "obj", 42, 2, 0, 4, {{0, 0, 0}, {1, 1, 0}}, {0, 0, 0, 4, 0, false, 0x1p-52}};
+  tree.mesh_known = true;
+  tree.tree = {Build::kBox, 1, 1, 0, 2, 0, {0, 0, 1}, facts["bytes"], 3, 1, 1.5, 0.0625, 0.03125};
+  tree.plan = ready["plan"];
+  EXPECT_EQ(json::parse(EncodeDescription(tree)), ready);
+  EXPECT_EQ(ParseTreeId(tree.id)->sha256, tree.mesh.sha256);
+
+  const json building = Example("/paths/~1v1~1trees~1{id}/get" + kOkJson + "building");
+  TreeDescription young;
+  young.id = building["id"];
+  young.progress = 0.25;
+  young.created_at = building["created_at"];
+  young.mesh.sha256 = mesh["sha256"];
+  young.mesh.bytes = 42;
+  EXPECT_EQ(json::parse(EncodeDescription(young)), building);
+  EXPECT_EQ(json::parse(EncodePage({{young}, std::nullopt})),
+            Example("/paths/~1v1~1trees/get" + kOkJson + "last"));
+}
+
+TEST(Examples, OfTheOtherAnswersAreWhatIsWritten) {
+  EXPECT_EQ(json::parse(EncodeCapabilities(KDRAY_VERSION, Limits{})),
+            Example("/paths/~1v1/get" + kOkJson + "defaults"));
+  EXPECT_EQ(json::parse(EncodeCells({{{{0, 0, 0}, {1, 1, 0}}, 0, true, 2}})),
+            Example("/paths/~1v1~1trees~1{id}~1cells/get" + kOkJson + "square"));
+  const json problem =
+      Example("/components/responses/Problem/content/application~1problem+json/examples/typo");
+  const auto refused = DecodeRenderQuery("samples=5000", Limits{});
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(json::parse(EncodeProblem(refused.problem(), problem["request_id"].get<std::string>())),
+            problem);
+}
+
+}  // namespace
+}  // namespace kdray::api
