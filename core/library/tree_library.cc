@@ -266,13 +266,19 @@ Result<std::unique_ptr<ReadableFile>> TreeLibrary::OpenMesh(const TreeId& id) {
 
 Status TreeLibrary::Delete(const TreeId& id) {
   const std::lock_guard files_lock(MeshMutex(id.mesh));
+  TreeRecord record;
   {
     const std::lock_guard lock(mutex_);
     if (failures_.erase(id) != 0) return {};
-    if (!entries_.contains(id)) return NoSuchTree();
+    const auto entry = entries_.find(id);
+    if (entry == entries_.end()) return NoSuchTree();
+    record = entry->second.record;
   }
   // The record first: what remains after a crash is then swept, not found again.
-  if (Status status = store_->RemoveRecord(id); !status.ok()) return status;
+  if (Status status = store_->RemoveRecord(id); !status.ok()) {
+    (void)store_->SaveRecord(record);  // it may be gone already, but not for good
+    return status;
+  }
   ForgetAndRemoveFiles(id, NoSuchTree());
   return {};
 }

@@ -1,0 +1,531 @@
+// What a TreeLibrary makes of crashes, damaged files, full and read-only disks.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <map>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "core/library/tree_library.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/unit/core/library_fixture.h"
+
+namespace kdray::test {
+namespace {
+
+using core::BuildKind;
+using core::ErrorCode;
+using core::Hit;
+using core::TreeId;
+using core::TreeLibrary;
+using std::chrono::steady_clock;
+
+class LibraryDiskTest : public LibraryTest {
+ protected:
+  LibraryDiskTest() { Open(); }
+
+  std::filesystem::path FileOf(const char* folder, const TreeId& id) const {
+    const bool by_tree = std::string(folder) == "trees" || std::string(folder) == "catalog";
+    return std::filesystem::path("data") / folder / (by_tree ? id.ToString() : id.mesh.ToHex());
+  }
+};
+
+TEST_F(LibraryDiskTest, AfterARestartEverythingIsThereAndNothingIsBuilt) {
+  std::map<TreeId, std::vector<Hit>> answers;
+  std::map<TreeId, core::TreeRecord> records;
+  for (const BuildKind build : core::kAllBuildKinds) {
+    const TreeId id = Add(SphereBytes(1), build);
+    answers[id] = AnswersOf(library_.get(), id);
+  }
+  const TreeId automatic = Add(SphereBytes(2));
+  answers[automatic] = AnswersOf(library_.get(), automatic);
+  for (const auto& [id, hits] : answers) records[id] = library_->Find(id)->record;
+  Settle();
+  EXPECT_EQ(library_->counters().trees, 7u);
+  for (const auto& [id, hits] : answers) {
+    const auto info = library_->Find(id);
+    ASSERT_TRUE(info.ok());
+    EXPECT_TRUE(info->ready()) << "at once";
+    EXPECT_EQ(info->record, records[id]) << "creation time included";
+    EXPECT_EQ(AnswersOf(library_.get(), id), hits);
+  }
+  const core::LibraryCounters counters = library_->counters();
+  EXPECT_EQ(counters.builds, 0u);
+  EXPECT_EQ(counters.parses, 0u);
+  EXPECT_EQ(counters.loads, 7u);
+  EXPECT_EQ(counters.damaged_files, 0u);
+}
+
+TEST_F(LibraryDiskTest, TheSameOnTheRealDisk) {
+  const TemporaryFolder folder;
+  options_.file_system = nullptr;
+  options_.data_dir = folder.path() / "data";
+  Open();
+  const TreeId id = Add(SphereBytes(1));
+  const std::vector<Hit> answers = AnswersOf(library_.get(), id);
+  Settle();
+  EXPECT_EQ(AnswersOf(library_.get(), id), answers);
+  EXPECT_EQ(library_->counters().builds, 0u);
+  const auto second = TreeLibrary::Open(options_);
+  ASSERT_FALSE(second.ok()) << "while this one has the folder";
+  EXPECT_EQ(second.error().code, ErrorCode::kInvalidArgument);
+}
+
+// A day in a library's life, as far as the disk lets it: what was answered, and with what.
+struct Day {
+  std::vector<TreeId> acknowledged;
+  std::vector<TreeId> deleted;
+  std::vector<TreeId> not_deleted;  // the answer was an error
+};
+
+Day LiveThrough(TreeLibrary* library) {
+  Day day;
+  const auto upload = [&](int number, std::optional<BuildKind> build) {
+    const auto added = Upload(library, SphereBytes(number, 3), build);
+    if (!added.ok()) return;
+    day.acknowledged.push_back(added->id);
+    (void)library->Load(added->id, Soon());
+  };
+  upload(1, std::nullopt);
+  upload(2, BuildKind::kBvh);
+  upload(1, BuildKind::kBox);
+  for (const TreeId& id : std::vector<TreeId>(day.acknowledged)) {
+    if (id.build != BuildKind::kBvh) continue;
+    std::erase(day.acknowledged, id);
+    (library->Delete(id).ok() ? day.deleted : day.not_deleted).push_back(id);
+  }
+  upload(3, BuildKind::kKdBinned);
+  return day;
+}
+
+class Calendar {
+ public:
+  Calendar() {
+    options_.data_dir = "data";
+    for (int number = 1; number <= 3; ++number) {
+      SimulatedDisk disk;
+      options_.file_system = &disk;
+      auto library = TreeLibrary::Open(options_);
+      const auto added = Upload(library->get(), SphereBytes(number, 3), BuildKind::kBox);
+      expected_[added->id.mesh] = AnswersOf(library->get(), added->id);
+    }
+  }
+
+  // Lives through a day with a fault that `break_disk` arranges, and looks what is left of it.
+  void Run(const std::function<void(SimulatedDisk*)>& break_disk, SimulatedDisk::Loss loss,
+           bool dies, const std::string& what) {
+    SimulatedDisk disk;
+    options_.file_system = &disk;
+    auto library = TreeLibrary::Open(options_);
+    ASSERT_TRUE(library.ok());
+    break_disk(&disk);
+    Day day = LiveThrough(library->get());
+    // One who dies while he deletes may have done it; one who lives has not.
+    if (!dies) {
+      day.acknowledged.insert(day.acknowledged.end(), day.not_deleted.begin(),
+                              day.not_deleted.end());
+    }
+    library->reset();
+    disk.Restart(loss);
+
+    library = TreeLibrary::Open(options_);
+    ASSERT_TRUE(library.ok()) << what;
+    for (const TreeId& id : day.acknowledged) {
+      EXPECT_EQ(AnswersOf(library->get(), id), expected_[id.mesh]) << what << ": " << id.ToString();
+      const auto mesh = (*library)->OpenMesh(id);
+      EXPECT_TRUE(mesh.ok()) << what << ": " << id.ToString();
+    }
+    for (const TreeId& id : day.deleted) {
+      EXPECT_FALSE((*library)->Find(id).ok()) << what << ": " << id.ToString();
+    }
+    for (const core::TreeInfo& info : (*library)->List(std::nullopt, std::nullopt, 100)) {
+      EXPECT_EQ(AnswersOf(library->get(), info.record.id), expected_[info.record.id.mesh]) << what;
+    }
+    library->reset();  // it may be writing yet
+    for (const char* folder : {"meshes", "parsed", "trees", "catalog"}) {
+      for (const std::string& name : disk.FilesIn(std::filesystem::path("data") / folder)) {
+        EXPECT_FALSE(name.starts_with('.')) << what << ": " << folder << "/" << name;
+      }
+    }
+  }
+
+  std::uint64_t OperationsOfADay() {
+    SimulatedDisk disk;
+    options_.file_system = &disk;
+    auto library = TreeLibrary::Open(options_);
+    const std::uint64_t before = disk.operations();
+    (void)LiveThrough(library->get());
+    library->reset();
+    return disk.operations() - before;
+  }
+
+ private:
+  core::LibraryOptions options_;
+  std::map<core::Sha256Digest, std::vector<Hit>> expected_;
+};
+
+TEST(LibraryCrash, NothingThatWasAnsweredIsLostWhereverItDies) {
+  Calendar calendar;
+  const std::uint64_t operations = calendar.OperationsOfADay();
+  ASSERT_GT(operations, 60u);
+  for (const auto loss : {SimulatedDisk::Loss::kNothing, SimulatedDisk::Loss::kContents,
+                          SimulatedDisk::Loss::kEverything}) {
+    for (std::uint64_t n = 0; n <= operations; ++n) {
+      calendar.Run([n](SimulatedDisk* disk) { disk->DieAt(n); }, loss, true,
+                   "died at operation " + std::to_string(n) + ", loss " +
+                       std::to_string(static_cast<int>(loss)));
+      if (testing::Test::HasFailure()) return;
+    }
+  }
+}
+
+TEST(LibraryCrash, NoAnswerIsWrongWhicheverOperationFailsOnce) {
+  Calendar calendar;
+  const std::uint64_t operations = calendar.OperationsOfADay();
+  for (const ErrorCode code : {ErrorCode::kIo, ErrorCode::kStoreFull, ErrorCode::kNotFound}) {
+    for (std::uint64_t n = 0; n <= operations; ++n) {
+      calendar.Run([n, code](SimulatedDisk* disk) { disk->FailAt(n, code); },
+                   SimulatedDisk::Loss::kEverything, false,
+                   "failed at operation " + std::to_string(n) + " with " +
+                       std::to_string(static_cast<int>(code)));
+      if (testing::Test::HasFailure()) return;
+    }
+  }
+}
+
+TEST_F(LibraryDiskTest, ADamagedDerivedFileIsNoticedMadeAgainAndCounted) {
+  const TreeId id = Add(SphereBytes(1), BuildKind::kKdSah);
+  const TreeId other = Add(SphereBytes(2), BuildKind::kKdSah);
+  const std::vector<Hit> expected = AnswersOf(library_.get(), id);
+  Settle();
+  struct Damage {
+    const char* what;
+    std::function<void(const std::filesystem::path&, const std::filesystem::path&)> apply;
+    bool is_counted;
+  };
+  const Damage damages[] = {
+      {"flipped",
+       [&](const auto& path, const auto&) {
+         auto bytes = disk_.Contents(path).value();
+         bytes[bytes.size() / 2] ^= std::byte{4};
+         disk_.SetContents(path, bytes);
+       },
+       true},
+      {"cut",
+       [&](const auto& path, const auto&) {
+         auto bytes = disk_.Contents(path).value();
+         bytes.resize(bytes.size() - 1);
+         disk_.SetContents(path, bytes);
+       },
+       true},
+      {"emptied", [&](const auto& path, const auto&) { disk_.SetContents(path, {}); }, true},
+      {"grown",
+       [&](const auto& path, const auto&) {
+         auto bytes = disk_.Contents(path).value();
+         bytes.push_back(std::byte{0});
+         disk_.SetContents(path, bytes);
+       },
+       true},
+      {"swapped",
+       [&](const auto& path, const auto& of_other) {
+         disk_.SetContents(path, disk_.Contents(of_other).value());
+       },
+       true},
+      {"a link", [&](const auto& path, const auto&) { disk_.MakeUnreadable(path); }, true},
+      {"lost", [&](const auto& path, const auto&) { disk_.Erase(path); }, false},
+  };
+  for (const char* folder : {"parsed", "trees"}) {
+    for (const Damage& damage : damages) {
+      for (const bool while_running : {false, true}) {
+        const std::string what = std::string(folder) + " file " + damage.what;
+        library_->Shutdown();
+        if (while_running) Open();
+        damage.apply(FileOf(folder, id), FileOf(folder, other));
+        if (!while_running) Open();
+        EXPECT_EQ(AnswersOf(library_.get(), id), expected) << what;
+        core::LibraryCounters counters = library_->counters();
+        EXPECT_EQ(counters.damaged_files, damage.is_counted ? 1u : 0u) << what;
+        const bool tree = std::string(folder) == "trees";
+        EXPECT_EQ(counters.builds, tree ? 1u : 0u) << what;
+        EXPECT_EQ(counters.rebuilds, tree ? 1u : 0u) << what;
+        EXPECT_EQ(counters.parses, tree ? 0u : 1u) << what;
+        Settle();
+        EXPECT_EQ(AnswersOf(library_.get(), id), expected) << what;
+        counters = library_->counters();
+        EXPECT_EQ(counters.builds + counters.parses + counters.damaged_files, 0u)
+            << what << ": made again on disk as well";
+      }
+    }
+  }
+}
+
+TEST_F(LibraryDiskTest, ADamagedCatalogEntryCostsOneTreeItsDescriptionUntilItIsReadAgain) {
+  const TreeId id = Add(SphereBytes(1), BuildKind::kKdSah);
+  const std::vector<Hit> expected = AnswersOf(library_.get(), id);
+  Settle();
+  library_->Shutdown();
+  disk_.SetContents(FileOf("catalog", id), Bytes("junk"));
+  Open();
+  EXPECT_EQ(AnswersOf(library_.get(), id), expected);
+  EXPECT_EQ(library_->counters().damaged_files, 1u);
+  EXPECT_EQ(library_->counters().builds, 0u) << "the derived files are still good";
+  EXPECT_EQ(library_->counters().parses, 0u);
+  EXPECT_TRUE(library_->Find(id)->ready());
+  Settle();
+  EXPECT_EQ(library_->counters().damaged_files, 0u);
+}
+
+TEST_F(LibraryDiskTest, DamagedMeshBytesAreNeverServedAndAnUploadRepairsThem) {
+  const auto bytes = SphereBytes(1);
+  const TreeId id = Add(bytes);
+  const std::vector<Hit> expected = AnswersOf(library_.get(), id);
+  Settle();
+  for (const bool lost : {false, true}) {
+    if (lost) {
+      disk_.Erase(FileOf("meshes", id));
+    } else {
+      auto bad = bytes;
+      bad[bad.size() / 2] ^= std::byte{1};
+      disk_.SetContents(FileOf("meshes", id), bad);
+    }
+    const auto damaged = library_->OpenMesh(id);
+    ASSERT_FALSE(damaged.ok());
+    EXPECT_EQ(damaged.error().code, lost ? ErrorCode::kNotFound : ErrorCode::kCorrupt);
+    EXPECT_EQ(AnswersOf(library_.get(), id), expected) << "the parsed mesh is good";
+    const auto again = Upload(library_.get(), bytes);
+    ASSERT_TRUE(again.ok());
+    EXPECT_TRUE(again->existed);
+    EXPECT_TRUE(library_->OpenMesh(id).ok());
+    EXPECT_EQ(disk_.Contents(FileOf("meshes", id)).value(), bytes);
+  }
+}
+
+TEST_F(LibraryDiskTest, WithNothingButDamagedFilesTheMeshIsKeptAndAnUploadRepairsIt) {
+  const auto bytes = SphereBytes(1);
+  const TreeId id = Add(bytes);
+  const std::vector<Hit> expected = AnswersOf(library_.get(), id);
+  Settle();
+  library_->Shutdown();
+  for (const char* folder : {"meshes", "parsed"}) {
+    auto bad = disk_.Contents(FileOf(folder, id)).value();
+    bad[bad.size() / 2] ^= std::byte{1};
+    disk_.SetContents(FileOf(folder, id), bad);
+  }
+  Open();
+  const auto loaded = library_->Load(id, Soon());
+  ASSERT_FALSE(loaded.ok());
+  EXPECT_EQ(loaded.error().code, ErrorCode::kCorrupt);
+  EXPECT_TRUE(library_->Find(id)->ready());
+  ASSERT_TRUE(Upload(library_.get(), bytes).ok());
+  EXPECT_EQ(AnswersOf(library_.get(), id), expected);
+}
+
+TEST_F(LibraryDiskTest, JunkInTheDataDirectoryIsLeftAlone) {
+  const TreeId id = Add(SphereBytes(1));
+  const std::vector<Hit> expected = AnswersOf(library_.get(), id);
+  Settle();
+  library_->Shutdown();
+  const std::filesystem::path data = "data";
+  std::vector<std::filesystem::path> junk;
+  for (const char* folder : {"meshes", "parsed", "trees", "catalog"}) {
+    for (const char* name : {"README", "core.1234", "lost+found", "..", "0"}) {
+      if (std::string(name) != "..") junk.push_back(data / folder / name);
+    }
+    junk.push_back(data / folder / (id.mesh.ToHex() + ".bak"));
+  }
+  for (const auto& path : junk) disk_.SetContents(path, Bytes("junk"));
+  // What is ours by name and nobody's by catalog goes.
+  const std::string orphan = DigestOf(Bytes("orphan")).ToHex();
+  disk_.SetContents(data / "meshes" / orphan, Bytes("orphan"));
+  disk_.SetContents(data / "parsed" / orphan, Bytes("orphan"));
+  disk_.SetContents(data / "trees" / (orphan + "-bvh"), Bytes("orphan"));
+  disk_.SetContents(data / "catalog" / (DigestOf(Bytes("gone")).ToHex() + "-bvh"), Bytes("x"));
+  Open();
+  EXPECT_EQ(library_->counters().trees, 1u);
+  EXPECT_EQ(AnswersOf(library_.get(), id), expected);
+  for (const auto& path : junk) EXPECT_TRUE(disk_.Contents(path).has_value()) << path;
+  EXPECT_FALSE(disk_.Contents(data / "meshes" / orphan).has_value());
+  EXPECT_FALSE(disk_.Contents(data / "parsed" / orphan).has_value());
+  EXPECT_FALSE(disk_.Contents(data / "trees" / (orphan + "-bvh")).has_value());
+  EXPECT_EQ(FilesIn("catalog"), 6u);
+}
+
+TEST_F(LibraryDiskTest, ABuildThatWasCutOffResumes) {
+  const auto bytes = SphereBytes(1);
+  const TreeId id = Add(bytes, BuildKind::kBvh);
+  const std::vector<Hit> expected = AnswersOf(library_.get(), id);
+  Settle();
+  library_->Shutdown();
+  // As a crash before the first build would have left it.
+  core::Catalog catalog(&disk_, "data/catalog");
+  core::TreeRecord record;
+  record.id = id;
+  record.created_ms = 1'700'000'000'000;
+  record.mesh_bytes = bytes.size();
+  ASSERT_TRUE(catalog.Save(record).ok());
+  disk_.Erase(FileOf("parsed", id));
+  disk_.Erase(FileOf("trees", id));
+  Open();
+  const auto info =
+      library_->Wait(id, steady_clock::now() + std::chrono::minutes(2), core::CancelToken());
+  ASSERT_TRUE(info.ok());
+  EXPECT_TRUE(info->ready()) << "without a query or an upload";
+  EXPECT_EQ(info->record.created_ms, 1'700'000'000'000);
+  EXPECT_EQ(library_->counters().builds, 1u);
+  EXPECT_EQ(AnswersOf(library_.get(), id), expected);
+}
+
+TEST_F(LibraryDiskTest, AReadOnlyDiskStillServesAndTakesNoUploads) {
+  const TreeId in_memory = Add(SphereBytes(1));
+  const TreeId on_disk = Add(SphereBytes(2));
+  const std::vector<Hit> a = AnswersOf(library_.get(), in_memory);
+  const std::vector<Hit> b = AnswersOf(library_.get(), on_disk);
+  Settle();
+  EXPECT_EQ(AnswersOf(library_.get(), in_memory), a);
+  disk_.set_read_only(true);
+  EXPECT_EQ(AnswersOf(library_.get(), in_memory), a);
+  EXPECT_EQ(AnswersOf(library_.get(), on_disk), b);
+  const auto upload = library_->BeginUpload(1000);
+  ASSERT_FALSE(upload.ok());
+  EXPECT_EQ(upload.error().code, ErrorCode::kStoreFull);
+  EXPECT_EQ(library_->AddBuild(in_memory.mesh, BuildKind::kBvh).error().code,
+            ErrorCode::kStoreFull);
+  EXPECT_EQ(library_->Delete(in_memory).error().code, ErrorCode::kStoreFull);
+  EXPECT_EQ(AnswersOf(library_.get(), in_memory), a) << "not deleted";
+  Open();
+  EXPECT_EQ(AnswersOf(library_.get(), on_disk), b) << "it even starts";
+  disk_.set_read_only(false);
+  EXPECT_TRUE(Upload(library_.get(), SphereBytes(3)).ok());
+  EXPECT_TRUE(library_->Delete(in_memory).ok());
+}
+
+TEST_F(LibraryDiskTest, AFullDiskStillServesAndGivesUpDerivedFilesForUploads) {
+  const TreeId id = Add(SphereBytes(1, 20), BuildKind::kKdSah);
+  const std::vector<Hit> expected = AnswersOf(library_.get(), id);
+  Settle();
+  std::uint64_t used = 0;
+  for (const char* folder : {"meshes", "parsed", "trees", "catalog"}) {
+    for (const auto& name : disk_.FilesIn(std::filesystem::path("data") / folder)) {
+      used += disk_.Contents(std::filesystem::path("data") / folder / name)->size();
+    }
+  }
+  disk_.set_capacity(used + 200);
+  const auto upload = Upload(library_.get(), SphereBytes(2, 8), BuildKind::kBox);
+  ASSERT_TRUE(upload.ok()) << upload.error().message;
+  EXPECT_FALSE(disk_.Contents(FileOf("trees", id)).has_value());
+  EXPECT_TRUE(disk_.Contents(FileOf("meshes", id)).has_value()) << "meshes stay";
+  EXPECT_TRUE(library_->Load(upload->id, Soon()).ok());
+  EXPECT_EQ(AnswersOf(library_.get(), id), expected);
+
+  Settle();
+  disk_.set_capacity(0);
+  const auto refused = library_->BeginUpload(1000);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kStoreFull);
+  EXPECT_EQ(AnswersOf(library_.get(), id), expected) << "built again, kept in memory only";
+}
+
+TEST_F(LibraryDiskTest, ADiskThatFillsUpDuringAnUploadRefusesIt) {
+  const auto bytes = SphereBytes(1);
+  auto upload = library_->BeginUpload(bytes.size());
+  ASSERT_TRUE(upload.ok());
+  disk_.set_capacity(100);
+  const core::Status status = upload->Append(bytes);
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().code, ErrorCode::kStoreFull);
+}
+
+class StoreLimitTest : public LibraryTest {
+ protected:
+  static constexpr int kRings = 10;
+  StoreLimitTest() {
+    Open();
+    mesh_ = SphereBytes(1, kRings).size();
+  }
+  // In order, each with its derived files.
+  void Fill(int count) {
+    for (int number = 1; number <= count; ++number) {
+      ids_.push_back(Add(SphereBytes(number, kRings), BuildKind::kKdSah));
+      Settle();
+    }
+  }
+  bool Has(const char* folder, const TreeId& id) const {
+    const std::string name = std::string(folder) == "trees" ? id.ToString() : id.mesh.ToHex();
+    return disk_.Contents(std::filesystem::path("data") / folder / name).has_value();
+  }
+
+  std::uint64_t mesh_ = 0;
+  std::vector<TreeId> ids_;
+};
+
+TEST_F(StoreLimitTest, DerivedFilesGoBeforeAnyMeshAndTheLeastRecentlyUsedFirst) {
+  Fill(3);
+  options_.store_limit_bytes = library_->counters().store_bytes;
+  Open();
+  EXPECT_TRUE(library_->Load(ids_[0], Soon()).ok());  // the first is now used most recently
+  const auto files_left = [&] { return std::pair(FilesIn("trees"), FilesIn("parsed")); };
+  const std::pair<std::size_t, std::size_t> order[] = {{2, 3}, {1, 3}, {0, 3},
+                                                       {0, 2}, {0, 1}, {0, 0}};
+  std::vector<TreeLibrary::Upload> uploads;
+  for (const auto& expected : order) {
+    // A little at a time, until one file has to go.
+    const std::uint64_t bytes_before = library_->counters().store_bytes;
+    while (library_->counters().store_bytes == bytes_before) {
+      auto upload = library_->BeginUpload(256);
+      ASSERT_TRUE(upload.ok());
+      uploads.push_back(*std::move(upload));
+    }
+    EXPECT_EQ(files_left(), expected);
+    EXPECT_EQ(Has("trees", ids_[1]), false);
+    EXPECT_EQ(Has("trees", ids_[0]), expected.first > 0) << "used most recently, so it goes last";
+    EXPECT_EQ(Has("parsed", ids_[0]), expected.second > 0);
+  }
+  EXPECT_EQ(library_->counters().trees, 3u);
+  for (const TreeId& id : ids_) EXPECT_TRUE(Has("meshes", id));
+  EXPECT_TRUE(library_->Load(ids_[1], Soon()).ok()) << "parsed and built again";
+  EXPECT_EQ(library_->counters().rebuilds, 1u);
+}
+
+TEST_F(StoreLimitTest, ThenWholeMeshesGoTheLeastRecentlyUsedFirst) {
+  options_.store_limit_bytes = 3 * mesh_ + mesh_ / 2;
+  Open();
+  Fill(3);
+  EXPECT_EQ(library_->counters().trees, 3u);
+  EXPECT_TRUE(library_->Load(ids_[0], Soon()).ok());
+  const TreeId fourth = Add(SphereBytes(4, kRings), BuildKind::kKdSah);
+  EXPECT_EQ(CodeOfFind(ids_[1]), ErrorCode::kNotFound);
+  EXPECT_FALSE(Has("meshes", ids_[1]) || Has("parsed", ids_[1]) || Has("trees", ids_[1]));
+  for (const TreeId& id : {ids_[0], ids_[2], fourth}) EXPECT_TRUE(library_->Find(id).ok());
+  EXPECT_LE(library_->counters().store_bytes, *options_.store_limit_bytes);
+  EXPECT_EQ(FilesIn("parsed") + FilesIn("trees"), 0u) << "there is no room for them";
+}
+
+TEST_F(StoreLimitTest, TheOrderOfUseSurvivesARestart) {
+  options_.store_limit_bytes = 3 * mesh_ + mesh_ / 2;
+  Open();
+  Fill(3);
+  EXPECT_TRUE(library_->Load(ids_[0], Soon()).ok());
+  Settle();
+  Add(SphereBytes(4, kRings), BuildKind::kKdSah);
+  EXPECT_TRUE(library_->Find(ids_[0]).ok());
+  EXPECT_EQ(CodeOfFind(ids_[1]), ErrorCode::kNotFound);
+}
+
+TEST_F(StoreLimitTest, WhatIsUnderWayIsNotGivenUp) {
+  options_.store_limit_bytes = 2 * mesh_ + mesh_ / 2;
+  Open();
+  auto first = library_->BeginUpload(mesh_);
+  auto second = library_->BeginUpload(mesh_);
+  ASSERT_TRUE(first.ok() && second.ok());
+  const auto third = library_->BeginUpload(mesh_);
+  ASSERT_FALSE(third.ok());
+  EXPECT_EQ(third.error().code, ErrorCode::kStoreFull);
+  const auto never = library_->BeginUpload(3 * mesh_);
+  ASSERT_FALSE(never.ok());
+  EXPECT_EQ(never.error().code, ErrorCode::kMeshTooLarge);
+}
+
+}  // namespace
+}  // namespace kdray::test
