@@ -298,7 +298,13 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
   TileRenderer renderer(scene, spec, cancel, &image);
   if (spec.cells_depth) {
     Result<std::vector<TreeCell>> cells = scene.Cells(*spec.cells_depth, RenderSpec::kMaxCells);
-    if (!cells.ok()) return std::move(cells).error();
+    if (!cells.ok()) {
+      Error error = std::move(cells).error();
+      if (error.code == ErrorCode::kInvalidArgument) {
+        error.message = "cells_depth: " + error.message;
+      }
+      return error;
+    }
     renderer.SetLines(CellLines(*cells, image.camera, region));
   }
 

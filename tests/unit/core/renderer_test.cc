@@ -410,6 +410,7 @@ TEST(Renderer, RefusesMoreCellsThanAPictureCanShow) {
   const Result<RenderedImage> image = Render(scene, {.cells_depth = 40});
   ASSERT_FALSE(image.ok());
   EXPECT_EQ(image.error().code, ErrorCode::kInvalidArgument);
+  EXPECT_EQ(image.error().message.rfind("cells_depth: ", 0), 0u);
 }
 
 TEST(Renderer, StopsWhenAskedAndAtItsDeadline) {
