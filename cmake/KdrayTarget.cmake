@@ -11,10 +11,10 @@ function(kdray_settings target)
   target_compile_features(${target} PUBLIC cxx_std_20)
   set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
   target_include_directories(${target} PUBLIC "${PROJECT_SOURCE_DIR}")
-  # -ffp-contract=off: a fused multiply-add would change answers between machines (ROBUSTNESS rule: the same bytes
-  # everywhere). No -ffast-math, for the same reason. -fno-tree-slp-vectorize: with it g++ 12 takes two neighbouring
-  # conversions from double to float and back for nothing and drops them, so that Vec3d(Vec3f(p)) is p
-  # (tests/unit/core/vec3_test.cc shows it).
+  # -ffp-contract=off: a fused multiply-add would change answers between machines, which are the same bytes everywhere.
+  # No -ffast-math, for the same reason. -fno-tree-slp-vectorize: with it g++ 12 takes two neighbouring conversions from
+  # double to float and back for nothing and drops them, so that Vec3d(Vec3f(p)) is p (tests/unit/core/vec3_test.cc shows
+  # it).
   target_compile_options(${target} PRIVATE
     -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wcast-align -Wunused
     -Wdouble-promotion -Wimplicit-fallthrough -Werror

@@ -1,5 +1,5 @@
 // Reference answers: every triangle against every ray with the same leaf test, no structure and no
-// culling. The oracle of tests (ROBUSTNESS: O2) and of the measured trade; far too slow for
+// culling. The oracle of tests and of the measured trade; far too slow for
 // anything else.
 #pragma once
 
