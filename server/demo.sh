@@ -7,7 +7,7 @@ bin=$1
 out=$PWD/out/demo
 step() { echo $'\n'"== $*"; }
 # Shows a command as a user would type it, and runs it.
-try() { echo "\$ kdray $*"; "$bin/kdray" "$@"; }
+try() { echo "\$ kdray $*" >&2; "$bin/kdray" "$@"; }
 
 mkdir -p "$out"
 rm -f "$out"/*
@@ -38,8 +38,8 @@ export KDRAY_SERVER
 step "A mesh goes in, a tree id comes out"
 cd "$out"
 try sample teapot -o teapot.obj
-try upload teapot.obj | tee id
-id=$(<id)
+id=$(try upload teapot.obj)
+echo "$id"
 
 step "What one ray from above hits: t, triangle, u, v"
 echo '{"rays": [[0, 10, 0, 0, -1, 0]]}' >one.json
@@ -60,7 +60,6 @@ status=0
 wait "$daemon" || status=$?
 daemon=
 ((status == 0)) || { echo "kdrayd ended with $status instead of 0" >&2; exit 1; }
-rm -f id
 echo "kdrayd has ended. What was made:"
 ls -l "$out"
 echo

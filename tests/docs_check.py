@@ -3,7 +3,8 @@
 
 Checked in every Markdown file: relative links; paths in `backticks` (with * and {a,b}) that begin with a folder of ours or
 are files of the top level; and shell lines ("$ command") in code blocks: scripts must exist and be executable, presets must
-be defined. Checked in every source file: a Markdown file that a comment points to must exist.
+be defined. Checked in every source file: a Markdown file that a comment points to must exist, and a test of the catalogue
+(N01 and so on) must stand in tests/README.md.
 """
 import itertools
 import json
@@ -42,6 +43,7 @@ class Checker:
         self.checked = 0
         self.top = {p.name for p in ROOT.iterdir() if p.name not in (".git", "build", "out")}
         presets = json.loads((ROOT / "CMakePresets.json").read_text())
+        self.catalogue = set(re.findall(r"^\| (N\d\d) ", (ROOT / "tests/README.md").read_text(), re.MULTILINE))
         self.presets = {p["name"] for p in presets["configurePresets"] if not p.get("hidden")}
 
     def expect(self, condition, place, text):
@@ -92,8 +94,12 @@ class Checker:
         except UnicodeDecodeError:
             return
         for number, line in enumerate(text.splitlines(), 1):
+            place = f"{path.relative_to(ROOT)}:{number}"
             for name in re.findall(r"\b[A-Z]{3,}\.md\b", line):
-                self.expect((ROOT / name).exists(), f"{path.relative_to(ROOT)}:{number}", f"there is no {name}")
+                self.expect((ROOT / name).exists() or (path.parent / name).exists(), place, f"there is no {name}")
+            if path.parent.is_relative_to(ROOT / "tests"):
+                for name in re.findall(r"\bN\d\d\b", line):
+                    self.expect(name in self.catalogue, place, f"{name} is not in the catalogue of tests/README.md")
 
 
 def main():
