@@ -2,6 +2,7 @@
 import { nameOf } from './names.js';
 import {
   bytesText, countText, element, fillFacts, millisecondsText, pointText, shortId, shortNumber,
+  trianglesText,
 } from './text.js';
 
 const byId = (id) => document.getElementById(id);
@@ -10,9 +11,8 @@ export function showTrees(trees, chosenId, onChoose) {
   const items = trees.map((tree) => {
     const name = nameOf(tree.id);
     const facts = [
-      tree.mesh.triangles === undefined ? null : `${countText(tree.mesh.triangles)} triangles`,
+      tree.mesh.triangles === undefined ? bytesText(tree.mesh.bytes) : trianglesText(tree.mesh.triangles),
       tree.tree?.build,
-      bytesText(tree.mesh.bytes),
     ];
     const button = element(
       'button',
@@ -115,7 +115,7 @@ export function showHit(hit) {
   fillFacts(byId('hit-facts'), [
     ['Triangle', countText(hit.triangle)],
     ['Distance t', shortNumber(hit.t, 9)],
-    ['Point', pointText(hit.point)],
+    ['Point', pointText(hit.point, 6)],
     ['Normal', pointText(hit.normal)],
     ['u, v', `${shortNumber(hit.u)}, ${shortNumber(hit.v)}`],
   ]);

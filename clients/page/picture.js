@@ -7,7 +7,7 @@ const MOVING_FRAME_MS = 70; // the size of moving pictures is steered to take ab
 const LARGEST_SIDE = 2048;
 const SMALLEST_SCALE = 0.12;
 const FINE_SAMPLES = 8;
-const SLOW_MS = 3000; // a full picture that took longer is not made finer
+const SLOW_MS = 1500; // a full picture that took longer is not made finer
 
 const QUALITY = { none: 0, moving: 1, full: 2, fine: 3 };
 const QUALITY_NAMES = Object.keys(QUALITY);

@@ -4,6 +4,9 @@ const count = new Intl.NumberFormat('en');
 
 export const countText = (number) => (Number.isFinite(number) ? count.format(number) : '–');
 
+export const trianglesText = (number) =>
+  number === 1 ? '1 triangle' : `${countText(number)} triangles`;
+
 export function bytesText(bytes) {
   if (!Number.isFinite(bytes)) return '–';
   const units = ['B', 'KiB', 'MiB', 'GiB', 'TiB'];
@@ -18,7 +21,8 @@ export const shortNumber = (number, digits = 4) =>
 export const millisecondsText = (ms) =>
   !Number.isFinite(ms) ? '–' : ms < 1000 ? `${shortNumber(ms, 3)} ms` : `${shortNumber(ms / 1000, 3)} s`;
 
-export const pointText = (point) => point.map((x) => shortNumber(x, 5)).join(', ');
+export const pointText = (point, digits = 4) =>
+  point.map((x) => shortNumber(x, digits)).join(', ');
 
 /** Twelve digits of the digest, then the build, as the kdray command shows ids. */
 export const shortId = (id) => id.slice(0, 12) + id.slice(64);

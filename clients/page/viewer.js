@@ -6,7 +6,7 @@ import { attachControls } from './controls.js';
 import { nameOf } from './names.js';
 import { showHit, showProblem, showToast, showTree } from './panels.js';
 import { Picture } from './picture.js';
-import { element, millisecondsText } from './text.js';
+import { element, millisecondsText, trianglesText } from './text.js';
 import { askForToken } from './token_dialog.js';
 import { TreeList } from './tree_list.js';
 import { acceptDrops, Uploads } from './uploads.js';
@@ -98,7 +98,7 @@ function showChosen() {
   list.choose(chosen?.id ?? null);
   byId('empty').hidden = Boolean(chosen);
   canvas.ariaLabel = chosen
-    ? `Picture of a mesh with ${chosen.mesh.triangles} triangles`
+    ? `Picture of a mesh with ${trianglesText(chosen.mesh.triangles)}`
     : 'No tree chosen';
   document.title = chosen ? `kdray · ${byId('tree-name').textContent}` : 'kdray';
   if (!chosen) return;

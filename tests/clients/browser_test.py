@@ -9,6 +9,7 @@ import urllib.parse
 import numpy as np
 
 from daemon import Daemon
+from prefix_proxy import PrefixProxy
 from webdriver import Browser
 
 if not shutil.which("chromedriver"):
@@ -38,8 +39,8 @@ class PageTest(unittest.TestCase):
         cls.teapot = os.path.join(cls.daemon.folder, "teapot.ply")
         subprocess.run([KDRAY, "-q", "sample", "teapot", "-o", cls.teapot], check=True)
 
-    def browser(self, **options):
-        browser = Browser(**options)
+    def browser(self, width=1000, height=700):
+        browser = Browser(width, height)
         self.addCleanup(browser.close)
         return browser
 
@@ -47,10 +48,10 @@ class PageTest(unittest.TestCase):
         return subprocess.run([KDRAY, "-q", "--server", self.daemon.url, *arguments], check=True,
                               capture_output=True, text=True).stdout.strip()
 
-    def open_with_teapot(self, fragment="", **options):
-        self.kdray("upload", self.teapot)
+    def open_with_teapot(self, **options):
+        tree = self.kdray("upload", self.teapot)
         browser = self.browser(**options)
-        browser.open(self.daemon.url + "/" + fragment)
+        browser.open(f"{self.daemon.url}/#tree={tree}")
         browser.wait(SETTLED)
         return browser
 
@@ -163,6 +164,7 @@ class PageTest(unittest.TestCase):
                     return [Number(shown.replaceAll(',', '')), canvas.width, canvas.height];""")
                 x, y = width // 2 + 31, height // 2 + 17
                 around = self.triangles(browser, width, height)[y - 1:y + 2, x - 1:x + 2]
+                self.assertIsNotNone(triangle)  # NaN: the ray met nothing
                 self.assertIn(triangle, around)
 
     def triangles(self, browser, width, height):
@@ -231,6 +233,17 @@ class PageTest(unittest.TestCase):
         for entry in browser.console():
             self.assertNotIn("Content Security Policy", entry["message"])
             self.assertNotEqual(entry["source"], "javascript", entry["message"])
+
+    def test_it_works_under_a_path_of_a_proxy(self):
+        tree = self.kdray("upload", self.teapot)
+        with PrefixProxy(self.daemon.url, "/tools/rays") as proxy:
+            browser = self.browser()
+            browser.open(f"{proxy.url}/#tree={tree}")
+            browser.wait(SETTLED)
+            paths = browser.run("""return performance.getEntriesByType('resource')
+                .map((entry) => new URL(entry.name).pathname)""")
+            for path in paths:
+                self.assertTrue(path.startswith("/tools/rays/"), path)
 
     def test_it_fits_a_telephone(self):
         browser = self.open_with_teapot(width=500, height=900)

@@ -54,6 +54,7 @@ class Browser:
         finally:
             self._driver.terminate()
             self._driver.wait()
+            self._driver.stdout.close()
             shutil.rmtree(self._profile, ignore_errors=True)
 
     def _port(self):
