@@ -38,8 +38,14 @@ class PageTest(unittest.TestCase):
         cls.addClassCleanup(cls.daemon.close)
         cls.teapot = os.path.join(cls.daemon.folder, "teapot.ply")
         subprocess.run([KDRAY, "-q", "sample", "teapot", "-o", cls.teapot], check=True)
+        cls.shared = Browser(1000, 700)
+        cls.addClassCleanup(cls.shared.close)
 
-    def browser(self, width=1000, height=700):
+    def browser(self, width=None, height=None):
+        """The one browser of these tests with an empty page, or one of its own for another size."""
+        if width is None:
+            self.shared.open("about:blank")
+            return self.shared
         browser = Browser(width, height)
         self.addCleanup(browser.close)
         return browser
@@ -51,6 +57,7 @@ class PageTest(unittest.TestCase):
     def open_with_teapot(self, **options):
         tree = self.kdray("upload", self.teapot)
         browser = self.browser(**options)
+        browser.console()  # what earlier pages said
         browser.open(f"{self.daemon.url}/#tree={tree}")
         browser.wait(SETTLED)
         return browser
@@ -110,6 +117,11 @@ class PageTest(unittest.TestCase):
                 self.assertNotEqual(before, after)
         before, after = self.change(browser, lambda: browser.wheel("#canvas", 500))
         self.assertLess(after[1], before[1])  # farther away: fewer pixels
+
+    def test_two_fingers_zoom(self):
+        browser = self.open_with_teapot()
+        before, after = self.change(browser, lambda: browser.pinch("#canvas", 120, 60))
+        self.assertLess(after[1], 0.5 * before[1])  # half the size: a quarter of the pixels
 
     def test_keys_turn_and_home_brings_the_view_back(self):
         browser = self.open_with_teapot()

@@ -132,6 +132,22 @@ class Browser:
                               {"type": "pointerDown", "button": button},
                               {"type": "pointerUp", "button": button}], {"pointerType": "mouse"})
 
+    def pinch(self, selector, start, end, steps=6):
+        """Two fingers, left and right of the element's middle, go from `start` to `end` pixels off it."""
+        origin = self.find(selector)
+
+        def finger(side):
+            def move(distance, duration):
+                return {"type": "pointerMove", "origin": origin, "x": round(side * distance), "y": 0,
+                        "duration": duration}
+
+            path = [move(start + (end - start) * step / steps, 20) for step in range(1, steps + 1)]
+            return {"type": "pointer", "id": f"finger {side}", "parameters": {"pointerType": "touch"},
+                    "actions": [move(start, 0), {"type": "pointerDown", "button": 0}, *path,
+                                {"type": "pointerUp", "button": 0}]}
+
+        self.command("POST", "/actions", {"actions": [finger(-1), finger(1)]})
+
     def wheel(self, selector, pixels):
         self._act("wheel", [{"type": "scroll", "origin": self.find(selector), "x": 0, "y": 0,
                              "deltaX": 0, "deltaY": pixels, "duration": 0}])
