@@ -40,6 +40,9 @@ class RoundedOrder {
   /// Different s can round to one t: a triangle that ties with a hit may begin this much later.
   double Slack() const { return std::fabs(ray_.shift) * 0x1p-50; }
 
+ protected:
+  const LocalRay& ray() const { return ray_; }
+
  private:
   const LocalRay& ray_;
 };
@@ -94,9 +97,10 @@ class WatertightTest : public RoundedOrder {
 };
 
 /// Float Moeller-Trumbore ("Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997), then
-/// a check that the point on the ray and the point on the triangle agree (property 3 above; without
-/// it a tiny or grazed triangle would be "hit" far from where it is, and the answer would depend on
-/// which triangles an engine offers). It promises nothing at edges: neighbours may both miss.
+/// a check that the point on the ray and the point on the triangle agree (property 3 above). Where
+/// they do not, as on needles and at grazing angles, the double test decides: without that a
+/// triangle could be "hit" far from where it is, and the answer would depend on which triangles an
+/// engine offers. It promises nothing at edges: neighbours may both miss.
 class FastTest : public RoundedOrder {
  public:
   using Number = float;
@@ -219,7 +223,9 @@ inline bool FastTest::Test(const Vec3f& a, const Vec3f& b, const Vec3f& c, LeafH
   constexpr float kTolerance =
       0x1p-18f;  // half of kPad; the other half is for the rounding of this check itself
   const Vec3f gap = (from_a + direction_ * s) - (edge_b * u + edge_c * v);
-  if (!(MaxAbs(gap) <= kTolerance)) return false;
+  if (!(MaxAbs(gap) <= kTolerance)) {
+    return WatertightTest<double>(ray()).Test(Vec3d(a), Vec3d(b), Vec3d(c), hit);
+  }
   *hit = {static_cast<double>(s), static_cast<double>(u), static_cast<double>(v)};
   return true;
 }
