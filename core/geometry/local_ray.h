@@ -55,10 +55,11 @@ struct LocalRay {
   double ToLocalT(double t) const { return ScaleByPowerOfTwo(t, -exponent) - shift; }
 };
 
-/// The part of a ray's parameter range that is still to be searched, local parameters.
+/// The part of a ray's parameter range that is still to be searched, local parameters. Not initialised, so that a
+/// traversal's stack costs nothing until it is used.
 struct LocalInterval {
-  double enter = 0;
-  double exit = -1;
+  double enter;
+  double exit;
   bool IsEmpty() const { return !(enter <= exit); }
 };
 
