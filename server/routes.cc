@@ -1,18 +1,19 @@
 #include "server/routes.h"
 
 #include <array>
+#include <vector>
 
 #include "server/handlers/cells.h"
 #include "server/handlers/documents.h"
 #include "server/handlers/rays.h"
 #include "server/handlers/render.h"
 #include "server/handlers/trees.h"
+#include "server/pages/viewer_files.h"
 
 namespace kdray::server {
 namespace {
 
-constexpr std::array kRoutes = {
-    Route{.path = "/", .get = GetPage, .open = true},
+constexpr std::array kContract = {
     Route{.path = "/healthz", .get = GetHealth, .open = true},
     Route{.path = "/readyz", .get = GetReadiness, .open = true},
     Route{.path = "/openapi.json", .get = GetOpenApi},
@@ -61,7 +62,16 @@ Handler HandlerFor(const Route& route, std::string_view method) {
 
 }  // namespace
 
-std::span<const Route> Routes() { return kRoutes; }
+std::span<const Route> Routes() {
+  static const std::vector<Route> routes = [] {
+    std::vector<Route> all(kContract.begin(), kContract.end());
+    for (const ViewerFile& file : ViewerFiles()) {
+      all.push_back(Route{.path = file.path, .get = GetViewerFile, .open = true});
+    }
+    return all;
+  }();
+  return routes;
+}
 
 std::string Allow(const Route& route) {
   std::string methods;

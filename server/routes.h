@@ -19,7 +19,7 @@ struct Route {
   bool open = false;  ///< needs no token, and is answered while the server drains
 };
 
-/// The paths of the contract.
+/// The paths of the contract, and of the viewer page.
 std::span<const Route> Routes();
 
 /// The methods that a route takes, as the Allow header lists them.

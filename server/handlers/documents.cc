@@ -11,7 +11,7 @@
 #include "server/handlers/answers.h"
 #include "server/pages/contract_page.h"
 #include "server/pages/html.h"
-#include "server/pages/viewer_page.h"
+#include "server/pages/viewer_files.h"
 
 namespace kdray::server {
 namespace {
@@ -38,9 +38,19 @@ HttpResponse HtmlAnswer(const Services& services, HttpBody body, std::string_vie
 
 }  // namespace
 
-api::Outcome<HttpResponse> GetPage(const Services& services, Call&) {
-  // Parameters are the page's own.
-  return HtmlAnswer(services, HttpBody::Static(ViewerPage()), ViewerPagePolicy());
+api::Outcome<HttpResponse> GetViewerFile(const Services& services, Call& call) {
+  // Parameters are the page's own: nothing here depends on them.
+  for (const ViewerFile& file : ViewerFiles()) {
+    if (file.path != call.request.path) continue;
+    if (ClientHas(call.request, file.etag)) {
+      return NotModified(services, file.etag, Caching::kRevalidate);
+    }
+    HttpResponse response = HtmlAnswer(services, HttpBody::Static(file.bytes), kViewerPolicy);
+    response.headers.Set("Content-Type", file.content_type);
+    response.headers.Add("ETag", file.etag);
+    return response;
+  }
+  return Problem{.code = ErrorCode::kNotFound, .detail = "the viewer has no such file"};
 }
 
 api::Outcome<HttpResponse> GetHealth(const Services& services, Call& call) {

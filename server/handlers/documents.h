@@ -5,7 +5,7 @@
 
 namespace kdray::server {
 
-api::Outcome<HttpResponse> GetPage(const Services& services, Call& call);
+api::Outcome<HttpResponse> GetViewerFile(const Services& services, Call& call);
 api::Outcome<HttpResponse> GetHealth(const Services& services, Call& call);
 api::Outcome<HttpResponse> GetReadiness(const Services& services, Call& call);
 api::Outcome<HttpResponse> GetCapabilities(const Services& services, Call& call);

@@ -4,13 +4,16 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <cstring>
+#include <cstdint>
+#include <limits>
 #include <set>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "api/errors.h"
+#include "server/pages/viewer_files.h"
+#include "tests/support/npy_array.h"
 #include "tests/support/service_fixture.h"
 #include "tests/support/stub_engine.h"
 
@@ -31,26 +34,7 @@ constexpr const char* kRays = R"({"rays":[[0,0,1,0,0,-1],[0,0,1,0,0,1]]})";
 constexpr const char* kUnknownId =
     "0000000000000000000000000000000000000000000000000000000000000000-auto";
 
-/// A .npy array of version 1.0.
-std::string Npy(const std::string& descr, const std::string& shape, const void* data,
-                std::size_t bytes) {
-  std::string header =
-      "{'descr': '" + descr + "', 'fortran_order': False, 'shape': " + shape + ", }";
-  header.append(118 - header.size() % 64 % 118, ' ');
-  while ((10 + header.size() + 1) % 64 != 0) header += ' ';
-  header += '\n';
-  std::string file = "\x93NUMPY";
-  file += '\x01';
-  file += '\0';
-  file += static_cast<char>(header.size() & 255);
-  file += static_cast<char>(header.size() >> 8);
-  return file + header + std::string(static_cast<const char*>(data), bytes);
-}
-
-std::string NpyRays(const std::vector<float>& numbers) {
-  return Npy("<f4", "(" + std::to_string(numbers.size() / 6) + ", 6)", numbers.data(),
-             numbers.size() * sizeof(float));
-}
+std::string NpyRays(const std::vector<float>& numbers) { return test::NpyArray(numbers, 6); }
 
 class ServiceOverHttp : public testing::Test {
  protected:
@@ -227,8 +211,7 @@ TEST_F(ServiceOverHttp, NamesRowsThatCannotBe) {
 }
 
 TEST_F(ServiceOverHttp, RefusesBodiesThatAreNoBatch) {
-  const int numbers[6] = {};
-  const std::string integers = Npy("<i4", "(1, 6)", numbers, sizeof(numbers));
+  const std::string integers = test::NpyArray(std::vector<std::int32_t>(6), 6);
   for (const auto& [body, code] : std::vector<std::pair<std::string, std::string>>{
            {"{\"rays\":[[0,0,1,0,0,-1]", "invalid_json"},
            {"{\"rays\":[[0,0,1,0,0]]}", "invalid_json"},
@@ -312,6 +295,19 @@ TEST_F(ServiceOverHttp, TellsAboutItself) {
     EXPECT_EQ(page.Header("content-type"), "text/html; charset=utf-8") << path;
     EXPECT_THAT(page.Header("content-security-policy"), HasSubstr("default-src 'none'")) << path;
     EXPECT_EQ(page.Header("x-content-type-options"), "nosniff") << path;
+  }
+}
+
+TEST_F(ServiceOverHttp, ServesTheViewerWithAllItsFiles) {
+  for (const ViewerFile& file : ViewerFiles()) {
+    const RawAnswer answer = running_.Ask("GET", file.path + "?tree=x");
+    EXPECT_EQ(answer.status, 200) << file.path;
+    EXPECT_EQ(answer.body, file.bytes);
+    EXPECT_EQ(answer.Header("content-type"), file.content_type);
+    EXPECT_EQ(answer.Header("x-content-type-options"), "nosniff");
+    EXPECT_THAT(answer.Header("content-security-policy"), HasSubstr("script-src 'self'"));
+    EXPECT_EQ(running_.Ask("GET", file.path, "", "If-None-Match: " + file.etag + "\r\n").status,
+              304);
   }
 }
 
