@@ -14,13 +14,19 @@ struct MeshReadOptions {
   CancelToken cancel;
 };
 
-/// Parses OBJ, PLY (ascii, both byte orders), STL (ascii, binary) or OFF. Polygons with n corners
-/// become n - 2 triangles in place: a convex one is fanned from its first corner, another is cut by
-/// ears. Faces with fewer than three corners are dropped and counted. Errors:
-/// kUnsupportedMeshFormat (no format fits; names those there are), kEmptyMesh, kInvalidMesh with
-/// the line or byte and the cause, kMeshTooLarge, kCancelled. Every count in a file is a claim:
-/// memory is allocated for what the bytes can hold, at most 2x the body beyond what is returned.
-/// Safe from many threads at once. O(bytes), and O(n^2) for a concave polygon of n corners.
+/// Parses OBJ, PLY (ascii, both byte orders), STL (ascii, binary) or OFF (ascii), found from the
+/// bytes alone. Polygons with n corners become n - 2 triangles in place: a convex one is fanned
+/// from its first corner, another is cut by ears (core/io/polygon.h). Faces with fewer than three
+/// corners are dropped and counted. Coordinates of text files are read as doubles. Errors:
+/// kUnsupportedMeshFormat (no format fits, or a variant that is not read; names the formats there
+/// are), kEmptyMesh, kInvalidMesh with Error::line (text, and the header of PLY) or Error::byte
+/// (binary) and the cause, kMeshTooLarge, kCancelled, kDeadlineExceeded. Of the coordinates only
+/// text and STL are checked to be finite here; TriangleMesh::Create checks those that count.
+///
+/// Every count in a file is a claim: memory is taken for what the bytes can hold, at most 2x the
+/// body beyond the result (of a file that is refused: beyond the result of the part before the
+/// fault), and 3 MB for cutting a concave polygon. Safe from many threads at once. O(bytes), and
+/// O(n^2) for a concave polygon of n corners, of which there may be kMaxConcaveCorners.
 Result<MeshData> ReadMesh(std::span<const std::byte> bytes, const MeshReadOptions& options = {});
 
 }  // namespace kdray::core

@@ -190,9 +190,10 @@ Result<MeshData> ReadStl(std::span<const std::byte> bytes, const MeshReadOptions
   if (HasBinaryStlSize(bytes)) return ReadBinary(bytes, options);
   const std::string_view text = SkipByteOrderMark(
       std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
-  const std::string_view first = text.substr(0, kFirstRecord);
-  const bool is_solid = EqualsIgnoringCase(first.substr(0, 5), "solid");
-  if (is_solid && first.find('\0') == std::string_view::npos) {
+  TextCursor cursor(text, {});
+  const bool is_solid =
+      cursor.FindLineWithWords() && EqualsIgnoringCase(cursor.NextWord(), "solid");
+  if (is_solid && text.substr(0, kFirstRecord).find('\0') == std::string_view::npos) {
     return AsciiReader(text, options).Read();
   }
   if (bytes.size() < kFirstRecord) {

@@ -1,0 +1,308 @@
+#include "core/io/mesh_reader.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "tests/support/allocation_watch.h"
+#include "tests/support/csv.h"
+#include "tests/support/mesh_files.h"
+#include "tests/unit/core/mesh_texts.h"
+
+namespace kdray::core {
+namespace {
+
+// What the daemon does with an upload: parse, then check as a mesh.
+Result<TriangleMesh> ReadAndCheck(std::span<const std::byte> bytes) {
+  Result<MeshData> data = ReadMesh(bytes);
+  if (!data.ok()) return std::move(data).error();
+  return TriangleMesh::Create(*data);
+}
+
+TEST(MeshReader, FindsTheFormatFromTheBytesAlone) {
+  const std::string facet =
+      "facet normal 0 0 1 outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 endloop endfacet\n";
+  for (const auto& [text, format] : std::map<std::string, MeshFormat>{
+           {"# Blender\nmtllib x\nv 0 0 0\nf 1 1 1\n", MeshFormat::kObj},
+           {"f 1 1 1\nv 0 0 0\n", MeshFormat::kObj},
+           {"\xef\xbb\xbfo name\nv 0 0 0\nf 1 1 1\n", MeshFormat::kObj},
+           {"\n\n  v 0 0 0\nf 1 1 1\n", MeshFormat::kObj},
+           {"ply\nformat ascii 1.0\nelement vertex 1\nproperty int x\nproperty int y\nproperty int "
+            "z\nelement face 1\nproperty list int int vertex_index\nend_header\n0 0 0\n3 0 0 0\n",
+            MeshFormat::kPly},
+           {"solid\n" + facet, MeshFormat::kStl},
+           {"  Solid x\n" + facet, MeshFormat::kStl},
+           {"OFF\n1 1 0\n0 0 0\n3 0 0 0\n", MeshFormat::kOff},
+           {"# no keyword\n1 1 0\n0 0 0\n3 0 0 0\n", MeshFormat::kOff},
+       }) {
+    EXPECT_EQ(MustRead(text).format, format) << text;
+  }
+}
+
+TEST(MeshReader, NamesWhatItDoesNotReadAndTheFormatsThereAre) {
+  for (const auto& [text, what] : std::map<std::string, std::string>{
+           {std::string("glTF\2\0\0\0", 8), "a GLB file"},
+           {"{\"asset\": {\"version\": \"2.0\"}}", "JSON, perhaps a glTF file"},
+           {"\x1f\x8b\x08", "gzip data"},
+           {"PK\x03\x04", "a ZIP archive"},
+           {"BZh91AY", "bzip2 data"},
+           {"\xfe\xff", "text in UTF-16, not UTF-8"},
+           {"\x89PNG\r\n", "a PNG picture"},
+           {"<!DOCTYPE html><html></html>", "of no format that is known here"},
+           {"plywood", "of no format that is known here"},
+           {"hello world", "of no format that is known here"},
+           {"1 2\n3 4\n", "of no format that is known here"},
+           {std::string(83, '\0'), "of no format that is known here"},
+       }) {
+    const Error error = MustRefuse(text);
+    EXPECT_EQ(error.code, ErrorCode::kUnsupportedMeshFormat);
+    EXPECT_EQ(error.message, "the bytes are " + what + "; the formats are obj, ply, stl, off");
+  }
+}
+
+TEST(MeshReader, CallsNoBytesAndOnlyCommentsEmpty) {
+  for (const char* text : {"", "\n\n", "# nothing\n", "\xef\xbb\xbf"}) {
+    EXPECT_EQ(MustRefuse(text).code, ErrorCode::kEmptyMesh);
+  }
+}
+
+TEST(MeshReader, StopsWhenAsked) {
+  std::string obj = "v 0 0 0\n";
+  std::string off = "OFF\n1 20000 0\n0 0 0\n";
+  std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty int x\nproperty int y\nproperty int z\n"
+      "element face 20000\nproperty list int int vertex_index\nend_header\n0 0 0\n";
+  std::string stl = "solid\n";
+  for (int i = 0; i < 20000; ++i) {
+    obj += "f 1 1 1\n";
+    off += "3 0 0 0\n";
+    ply += "3 0 0 0\n";
+    stl +=
+        "facet normal 0 0 1 outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 endloop endfacet\n";
+  }
+  const std::string binary =
+      std::string(80, ' ') + Raw<std::uint32_t>(20000) + std::string(std::size_t{50} * 20000, '\0');
+  MeshReadOptions cancelled;
+  cancelled.cancel = CancelToken::Cancellable();
+  cancelled.cancel.Cancel();
+  MeshReadOptions late;
+  late.cancel = CancelToken::WithDeadline(CancelToken::Clock::now());
+  for (const std::string& text : {obj, off, ply, stl, binary}) {
+    EXPECT_TRUE(ReadText(text).ok());
+    const Result<MeshData> stopped = ReadMesh(test::Bytes(text), cancelled);
+    ASSERT_FALSE(stopped.ok());
+    EXPECT_EQ(stopped.error().code, ErrorCode::kCancelled);
+    const Result<MeshData> too_late = ReadMesh(test::Bytes(text), late);
+    ASSERT_FALSE(too_late.ok());
+    EXPECT_EQ(too_late.error().code, ErrorCode::kDeadlineExceeded);
+  }
+}
+
+TEST(MeshReader, ReadsTheGoodFilesOfTheCollection) {
+  KDRAY_NEED_MESHES();
+  int read = 0;
+  for (const test::CsvRow& row : test::ReadCsv(*test::MeshFolder() / "MANIFEST.csv")) {
+    const std::string& file = row.at("file");
+    SCOPED_TRACE(file);
+    const std::vector<std::byte> bytes = test::ReadFileBytes(*test::MeshFolder() / file);
+    const Result<TriangleMesh> mesh = ReadAndCheck(bytes);
+    if (row.at("format") == "glb" || row.at("format") == "gltf") {
+      ASSERT_FALSE(mesh.ok());
+      EXPECT_EQ(mesh.error().code, ErrorCode::kUnsupportedMeshFormat);
+      continue;
+    }
+    ++read;
+    ASSERT_TRUE(mesh.ok()) << mesh.error().message;
+    EXPECT_EQ(Name(mesh->format()), row.at("format"));
+    EXPECT_EQ(std::to_string(mesh->triangle_count()), row.at("triangles"));
+    EXPECT_EQ(std::to_string(mesh->vertex_count()), row.at("vertices_in_file"));
+    // The collection's bounds are those of floats, with 9 digits.
+    const double tolerance =
+        0x1p-23 * std::max(MaxAbs(mesh->bounds().min), MaxAbs(mesh->bounds().max));
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::string letter(1, "xyz"[axis]);
+      EXPECT_NEAR(mesh->bounds().min[axis], std::stod(row.at("min" + letter)), tolerance);
+      EXPECT_NEAR(mesh->bounds().max[axis], std::stod(row.at("max" + letter)), tolerance);
+    }
+  }
+  EXPECT_GT(read, 80);
+}
+
+TEST(MeshReader, AnswersTheBadFilesOfTheCollectionAsExpected) {
+  KDRAY_NEED_MESHES();
+  const std::filesystem::path folder = *test::MeshFolder() / "bad";
+  int accepted = 0;
+  int refused = 0;
+  for (const test::CsvRow& row : test::ReadCsv(folder / "EXPECT.csv")) {
+    const std::string& file = row.at("file");
+    SCOPED_TRACE(file + ": " + row.at("why"));
+    const Result<TriangleMesh> mesh = ReadAndCheck(test::ReadFileBytes(folder / file));
+    ++(mesh.ok() ? accepted : refused);
+    if (!mesh.ok()) {
+      const ErrorCode code = mesh.error().code;
+      EXPECT_TRUE(code == ErrorCode::kInvalidMesh || code == ErrorCode::kEmptyMesh ||
+                  code == ErrorCode::kUnsupportedMeshFormat);
+      EXPECT_FALSE(mesh.error().message.empty());
+    }
+    const bool is_gltf = file.starts_with("glb_") || file.starts_with("gltf_");
+    if (is_gltf && file != "glb_zero_bytes.glb" && file != "glb_bad_magic.glb") {
+      ASSERT_FALSE(mesh.ok());  // not read yet, so nothing of them is looked at
+      EXPECT_EQ(mesh.error().code, ErrorCode::kUnsupportedMeshFormat);
+    } else if (row.at("expect") == "accept") {
+      EXPECT_TRUE(mesh.ok()) << mesh.error().message;
+    } else if (row.at("expect") == "reject") {
+      EXPECT_FALSE(mesh.ok());
+    }
+    if (mesh.ok() && !row.at("triangles").empty()) {
+      EXPECT_EQ(std::to_string(mesh->triangle_count()), row.at("triangles"));
+    }
+  }
+  EXPECT_GT(accepted, 70);
+  EXPECT_GT(refused, 100);
+}
+
+// The numeric tests' N19: broken input is refused, and no allocation exceeds twice the body.
+struct MemoryUse {
+  std::size_t peak = 0;
+  std::size_t result = 0;  // the part of it that the answer holds
+  bool ok = false;
+};
+
+MemoryUse Measure(std::span<const std::byte> bytes) {
+  test::AllocationWatch watch;
+  const Result<MeshData> data = ReadMesh(bytes);
+  return {watch.peak(), data.ok() ? watch.held() : 0, data.ok()};
+}
+
+// For scratch that does not grow with the file: a header's properties, messages, concave polygons.
+constexpr std::size_t kSlack = 64 << 10;
+
+void ExpectBounded(std::span<const std::byte> bytes) {
+  const MemoryUse use = Measure(bytes);
+  SCOPED_TRACE(use.ok ? "read" : "refused");
+  EXPECT_LE(use.peak - use.result, 2 * bytes.size() + kSlack);
+}
+
+TEST(N19, RefusesBrokenCountsWithoutTakingMemoryForThem) {
+  const std::string ply = "ply\nformat ascii 1.0\n";
+  const std::string binary_ply = "ply\nformat binary_little_endian 1.0\n";
+  const std::string xyz = "property float x\nproperty float y\nproperty float z\n";
+  const std::string list = "property list uint int vertex_indices\n";
+  for (const std::string& text : std::vector<std::string>{
+           "",
+           "v 0 0 0\n",
+           "v 0 0 0\nf 1 1 2\n",
+           "v 0 0 0\nf 1 1 4294967297\n",
+           "OFF\n4294967295 4294967295 0\n0 0 0\n",
+           "OFF\n1 1 0\n0 0 0\n4294967295 0 0 0\n",
+           "OFF\n1 9223372036854775807 0\n0 0 0\n3 0 0 0\n",
+           ply + "element vertex 9223372036854775807\n" + xyz + "element face 1\n" + list +
+               "end_header\n0 0 0\n3 0 0 0\n",
+           ply + "element vertex 1\n" + xyz + "element face 9223372036854775807\n" + list +
+               "end_header\n0 0 0\n3 0 0 0\n",
+           ply + "element vertex 1\n" + xyz + "element face 1\n" + list +
+               "end_header\n0 0 0\n4294967295 0 0 0\n",
+           binary_ply + "element vertex 4294967295\n" + xyz + "element face 1\n" + list +
+               "end_header\n" + std::string(100, '\0'),
+           binary_ply + "element vertex 1\n" + xyz + "element face 4294967295\n" + list +
+               "end_header\n" + std::string(100, '\0'),
+           binary_ply + "element vertex 1\n" + xyz + "element face 1\n" + list + "end_header\n" +
+               std::string(12, '\0') + std::string(100, '\xff'),
+           std::string(80, 'x') + Raw<std::uint32_t>(0xffffffff) + std::string(50, '\0'),
+           std::string(80, '\0') + Raw<std::uint32_t>(85899346) + std::string(50, '\0'),
+       }) {
+    SCOPED_TRACE(text.substr(0, 200));
+    const Result<TriangleMesh> mesh = ReadAndCheck(test::Bytes(text));
+    ASSERT_FALSE(mesh.ok());
+    EXPECT_TRUE(mesh.error().code == ErrorCode::kInvalidMesh ||
+                mesh.error().code == ErrorCode::kEmptyMesh);
+    ExpectBounded(test::Bytes(text));
+  }
+}
+
+TEST(N19, TakesAtMostTwiceTheBodyForLiesThatAreAsLargeAsTheFileAllows) {
+  // Files of blank lines that claim the most rows their bytes could hold.
+  const std::string blanks(1 << 20, '\n');
+  const std::string count = std::to_string((1 << 20) / 6 - 100);
+  const std::string xyz = "property int x\nproperty int y\nproperty int z\n";
+  const std::string list = "property list uchar uchar vertex_indices\n";
+  for (const std::string& text : {
+           "OFF\n" + count + " 1 0\n" + blanks,
+           "OFF\n" + count + " 1 0\n0 0 0\n" + blanks,
+           "ply\nformat ascii 1.0\nelement vertex " + count + "\n" + xyz + "element face 1\n" +
+               list + "end_header\n" + blanks,
+           "ply\nformat binary_little_endian 1.0\nelement vertex " + count +
+               "\nproperty list uchar uchar a\nproperty uchar x\nproperty uchar y\nproperty uchar "
+               "z\nelement face 1\n" +
+               list + "end_header\n" + std::string(1 << 20, '\xff'),
+       }) {
+    const MemoryUse use = Measure(test::Bytes(text));
+    EXPECT_FALSE(use.ok);
+    EXPECT_LE(use.peak, 2 * text.size() + kSlack);
+  }
+}
+
+TEST(N19, TakesAtMostTwiceTheBodyBesideTheResultForDenseFiles) {
+  constexpr int kRows = 60000;
+  std::string vertices;
+  std::string obj_faces;
+  std::string faces;
+  std::string corners;
+  std::string stl = "solid\n";
+  std::string raw_faces;
+  for (int i = 0; i < kRows; ++i) {
+    vertices += "0 0 0\n";
+    obj_faces += "v 0 0 0\nf 1 1 1\n";
+    faces += "3 0 0 0\n";
+    corners += " 1 1";
+    stl +=
+        "facet normal 0 0 1 outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 endloop endfacet\n";
+    raw_faces += std::string("\3\0\0\0", 4);
+  }
+  const std::string rows = std::to_string(kRows);
+  const std::string one_face = std::to_string(2 * kRows) + corners + "\n";
+  const auto ply = [&](const std::string& format, const std::string& face_rows) {
+    return "ply\nformat " + format + " 1.0\nelement vertex " + rows +
+           "\nproperty uchar x\nproperty uchar y\nproperty uchar z\nelement face " + face_rows +
+           "\nproperty list int uchar vertex_indices\nend_header\n";
+  };
+  const auto small_ply = [&](const std::string& format) {
+    std::string header = ply(format, rows);
+    return header.replace(header.find("list int"), 8, "list uchar");
+  };
+  for (const std::string& text : {
+           obj_faces,
+           "v 0 0 0\nf" + corners,
+           "OFF\n" + rows + " " + rows + " 0\n" + vertices + faces,
+           "OFF\n" + rows + " 1 0\n" + vertices + one_face,
+           ply("ascii", rows) + vertices + faces,
+           ply("ascii", "1") + vertices + one_face,
+           small_ply("binary_little_endian") + std::string(3 * kRows, '\0') + raw_faces,
+           std::string(80, ' ') + Raw<std::uint32_t>(kRows) +
+               std::string(std::size_t{50} * kRows, '\0'),
+           stl,
+       }) {
+    SCOPED_TRACE(text.substr(0, 60));
+    ASSERT_TRUE(ReadText(text).ok());
+    ExpectBounded(test::Bytes(text));
+  }
+}
+
+TEST(N19, KeepsItsBoundOnTheWholeCollection) {
+  KDRAY_NEED_MESHES();
+  for (const std::filesystem::path& folder : {*test::MeshFolder(), *test::MeshFolder() / "bad"}) {
+    for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+      if (!entry.is_regular_file()) continue;
+      SCOPED_TRACE(entry.path().filename().string());
+      ExpectBounded(test::ReadFileBytes(entry.path()));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace kdray::core
