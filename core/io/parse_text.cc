@@ -1,6 +1,7 @@
 #include "core/io/parse_text.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <system_error>
@@ -9,6 +10,21 @@
 
 namespace kdray::core {
 namespace {
+
+enum class Kind : std::uint8_t { kWord, kBlank, kLineEnd };
+
+Kind KindOf(char c) {
+  static constexpr std::array<Kind, 256> kKinds = [] {
+    std::array<Kind, 256> kinds{};
+    for (const char blank : {' ', '\t', '\v', '\f'}) {
+      kinds[static_cast<unsigned char>(blank)] = Kind::kBlank;
+    }
+    kinds['\n'] = Kind::kLineEnd;
+    kinds['\r'] = Kind::kLineEnd;
+    return kinds;
+  }();
+  return kKinds[static_cast<unsigned char>(c)];
+}
 
 std::string_view WithoutPlus(std::string_view word) {
   const bool has_plus = word.size() > 1 && word[0] == '+' && word[1] != '-' && word[1] != '+';
@@ -48,16 +64,6 @@ bool IsTooSmall(std::string_view number) {
 }
 
 }  // namespace
-
-constexpr std::array<TextCursor::Kind, 256> TextCursor::kKinds = [] {
-  std::array<Kind, 256> kinds{};
-  for (const char blank : {' ', '\t', '\v', '\f'}) {
-    kinds[static_cast<unsigned char>(blank)] = Kind::kBlank;
-  }
-  kinds['\n'] = Kind::kLineEnd;
-  kinds['\r'] = Kind::kLineEnd;
-  return kinds;
-}();
 
 TextCursor::TextCursor(std::string_view text, Syntax syntax, std::uint64_t first_line)
     : text_(text), syntax_(syntax), line_(first_line), next_lf_(Find('\n')), next_cr_(Find('\r')) {}

@@ -1,7 +1,6 @@
 // Words and numbers of text mesh files, in one pass and without copies.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -37,10 +36,6 @@ class TextCursor {
   std::uint64_t line() const { return line_; }
 
  private:
-  enum class Kind : std::uint8_t { kWord, kBlank, kLineEnd };
-  static const std::array<Kind, 256> kKinds;
-  static Kind KindOf(char c) { return kKinds[static_cast<unsigned char>(c)]; }
-
   std::size_t Find(char c) const;
   std::size_t LineEnd();
   void PassLineEnd();

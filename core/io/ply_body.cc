@@ -131,7 +131,7 @@ bool PlyBinaryBody::ReadIndex(PlyType type, std::int64_t* index) {
   if (!Has(SizeOf(type))) return false;
   switch (type) {
     case PlyType::kInt8:
-      *index = Take<std::int8_t>();
+      *index = static_cast<std::int64_t>(Take<std::int8_t>());
       return true;
     case PlyType::kUint8:
       *index = Take<std::uint8_t>();

@@ -169,7 +169,7 @@ class BodyReader {
     const PlyElement& element = *layout_.face;
     std::uint64_t triangles = 0;
     std::uint64_t most_corners = 0;
-    const Status status = ForEachProperty(element, [&](std::size_t i) {
+    Status status = ForEachProperty(element, [&](std::size_t i) {
       const PlyProperty& property = element.properties[i];
       if (i != layout_.corners) return body_.Skip(property);
       std::uint64_t corners = 0;

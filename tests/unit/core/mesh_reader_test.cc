@@ -6,12 +6,14 @@
 #include <cmath>
 #include <cstdlib>
 #include <map>
+#include <random>
 #include <string>
 #include <vector>
 
 #include "tests/support/allocation_watch.h"
 #include "tests/support/csv.h"
 #include "tests/support/mesh_files.h"
+#include "tests/support/seed.h"
 #include "tests/unit/core/mesh_texts.h"
 
 namespace kdray::core {
@@ -101,6 +103,70 @@ TEST(MeshReader, StopsWhenAsked) {
     ASSERT_FALSE(too_late.ok());
     EXPECT_EQ(too_late.error().code, ErrorCode::kDeadlineExceeded);
   }
+}
+
+TEST(MeshReader, AnswersRandomDamageWithAMeshOrAnError) {
+  const std::string xyz = "property float x\nproperty float y\nproperty double z\n";
+  const std::string header = "element vertex 3\n" + xyz +
+                             "element other 2\nproperty list uchar short a\nelement face 2\n"
+                             "property list uchar int vertex_indices\nend_header\n";
+  std::string body;
+  for (int i = 0; i < 3; ++i) body += Raw(0.5f) + Raw(1.5f) + Raw(2.5);
+  body += std::string("\2\0\0\0\0\0", 6);  // a list of two and an empty one
+  for (int face = 0; face < 2; ++face) {
+    body += Raw<std::uint8_t>(3);
+    for (const int index : {0, 1, 2}) body += Raw<std::int32_t>(index);
+  }
+  const std::vector<std::string> files = {
+      "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0.2 0.9 0\nf 1 2 3 4\nf -1//2 -2//1 \\\n-3\n# f\n",
+      "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n.1 1e-1 0 # c\n4 0 1 2 3 0.5\n3 0 1 2\n",
+      "ply\nformat ascii 1.0\n" + header + "0 0 0\n1 0 0\n0 1 0\n0\n2 1 1\n3 0 1 2\n4 0 1 2 1\n",
+      "ply\nformat binary_little_endian 1.0\n" + header + body,
+      "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
+      "endfacet\nendsolid a\n",
+      std::string(80, 'h') + Raw<std::uint32_t>(2) + std::string(100, '\1'),
+  };
+  for (const std::string& text : files) MustRead(text);
+  std::mt19937_64 random = test::RandomEngine(50);
+  const std::string letters = "0123456789-+.e/#\\ \n\r\t\"fv";
+  int read = 0;
+  for (int round = 0; round < 60000; ++round) {
+    std::string text = files[static_cast<std::size_t>(round) % files.size()];
+    for (int change = 0; change < 1 + round % 4; ++change) {
+      const std::size_t at = random() % text.size();
+      switch (random() % 5) {
+        case 0:
+          text[at] = static_cast<char>(random());
+          break;
+        case 1:
+          text[at] = letters[random() % letters.size()];
+          break;
+        case 2:
+          text.erase(at, 1 + random() % 8);
+          break;
+        case 3:
+          text.insert(at, text.substr(random() % text.size(), random() % 16));
+          break;
+        default:
+          text.insert(at, 1, letters[random() % letters.size()]);
+          break;
+      }
+      if (text.empty()) break;
+    }
+    const std::vector<std::byte> bytes = test::Bytes(text);
+    const Result<MeshData> data = ReadMesh(bytes);
+    if (!data.ok()) {
+      ASSERT_FALSE(data.error().message.empty());
+      continue;
+    }
+    ++read;
+    ASSERT_FALSE(data->triangles.empty());
+    for (const TriangleIndices& triangle : data->triangles) {
+      for (const std::uint32_t index : triangle) ASSERT_LT(index, data->vertices.size());
+    }
+    static_cast<void>(TriangleMesh::Create(*data));
+  }
+  EXPECT_GT(read, 4000);
 }
 
 TEST(MeshReader, ReadsTheGoodFilesOfTheCollection) {
