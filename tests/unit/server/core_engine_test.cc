@@ -1,0 +1,479 @@
+// The engine in the contract's words, on real meshes and a disk of its own.
+#include "server/core_engine.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "core/base/hash.h"
+#include "core/trace/brute_force.h"
+#include "core/trace/trace.h"
+#include "tests/support/mesh_files.h"
+#include "tests/support/off_text.h"
+#include "tests/support/seed.h"
+#include "tests/support/shapes.h"
+#include "tests/support/simulated_disk.h"
+
+namespace kdray::server {
+namespace {
+
+using api::ErrorCode;
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+using MeshBytesVector = std::vector<std::byte>;
+
+class CoreEngineTest : public testing::Test {
+ protected:
+  CoreEngineTest() {
+    options_.data_dir = "data";
+    options_.threads = 2;
+    options_.file_system = &disk_;
+    Open();
+  }
+  void Open() {
+    engine_.reset();
+    auto engine = MakeCoreEngine(options_);
+    ASSERT_TRUE(engine.ok()) << engine.error().message;
+    engine_ = *std::move(engine);
+  }
+  static CancelToken Soon() {
+    return CancelToken::WithDeadline(steady_clock::now() + std::chrono::minutes(2));
+  }
+  api::Outcome<MeshUpload::Stored> Upload(const MeshBytesVector& bytes,
+                                          api::Build build = api::Build::kAuto) {
+    auto upload = engine_->BeginUpload(bytes.size());
+    if (!upload.ok()) return upload.problem();
+    if (api::Check check = (*upload)->Append(bytes)) return *std::move(check);
+    return (*upload)->Finish(build);
+  }
+  std::string Add(const core::MeshData& mesh, api::Build build = api::Build::kAuto) {
+    const auto stored = Upload(test::OffBytes(mesh), build);
+    EXPECT_TRUE(stored.ok());
+    const auto built = engine_->WaitUntilBuilt(
+        stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
+    EXPECT_TRUE(built.ok() && built->ready);
+    return stored->id;
+  }
+
+  test::SimulatedDisk disk_;
+  CoreEngineOptions options_;
+  std::unique_ptr<CoreEngine> engine_;
+};
+
+core::MeshData Sphere() { return test::BumpySphere({1, 2, 3}, 2, 12, 24, 0.2); }
+
+// Rays through and past the sphere; every 10th cannot be.
+template <class T>
+api::RayTable SomeRays(std::size_t count) {
+  std::mt19937_64 random = test::RandomEngine(4242);
+  std::uniform_real_distribution<T> place(T(-5), T(9));
+  std::vector<api::RayRow<T>> rows(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    api::RayRow<T>& r = rows[i];
+    r.ox = place(random);
+    r.oy = place(random);
+    r.oz = place(random);
+    r.t_min = 0;
+    r.t_max = std::numeric_limits<T>::infinity();
+    r.dx = T(1) - r.ox + place(random) / T(4);
+    r.dy = T(2) - r.oy + place(random) / T(4);
+    r.dz = T(3) - r.oz;
+    if (i % 10 == 7) r.dx = std::numeric_limits<T>::quiet_NaN();
+  }
+  return {{count}, std::move(rows)};
+}
+
+template <class T>
+core::Ray RayOf(const api::RayRow<T>& r) {
+  return {core::Vec3d{r.ox, r.oy, r.oz}, static_cast<double>(r.t_min),
+          core::Vec3d{r.dx, r.dy, r.dz}, static_cast<double>(r.t_max)};
+}
+
+TEST_F(CoreEngineTest, AnUploadIsDescribedAndItsBytesComeBack) {
+  const MeshBytesVector bytes = test::OffBytes(Sphere());
+  const std::string sha256 = core::HashBytes(bytes).ToHex();
+  const auto stored = Upload(bytes, api::Build::kKdBinned);
+  ASSERT_TRUE(stored.ok());
+  EXPECT_EQ(stored->id, sha256 + "-kd-binned");
+  EXPECT_FALSE(stored->existed);
+  const auto description = engine_->WaitUntilBuilt(
+      stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
+  ASSERT_TRUE(description.ok());
+  EXPECT_TRUE(description->ready);
+  EXPECT_EQ(description->progress, 1.0);
+  EXPECT_EQ(description->mesh.sha256, sha256);
+  EXPECT_EQ(description->mesh.format, "off");
+  EXPECT_EQ(description->mesh.bytes, bytes.size());
+  EXPECT_EQ(description->mesh.triangles, Sphere().triangles.size());
+  EXPECT_TRUE(description->mesh.health.closed);
+  ASSERT_TRUE(description->tree.has_value());
+  EXPECT_EQ(description->tree->build, api::Build::kKdBinned);
+  EXPECT_THAT(description->plan, HasSubstr("kd-binned"));
+  EXPECT_TRUE(Upload(bytes, api::Build::kKdBinned)->existed);
+
+  const auto mesh = engine_->OpenMesh(stored->id);
+  ASSERT_TRUE(mesh.ok());
+  MeshBytesVector read((*mesh)->size());
+  ASSERT_TRUE((*mesh)->Read(0, read));
+  EXPECT_EQ(read, bytes);
+  EXPECT_FALSE((*mesh)->Read(read.size(), std::span(read).first(1))) << "beyond the end";
+}
+
+TEST_F(CoreEngineTest, WhatIsNoIdIsNotFoundEverywhere) {
+  const std::string real = Add(Sphere());
+  for (const std::string& id :
+       {std::string(), std::string("x"), std::string("../") + real, real + "x", real.substr(0, 64),
+        real.substr(0, 65), std::string(64, 'g') + "-auto", std::string(64, 'A') + "-auto",
+        std::string(64, '0') + "-auto", real.substr(0, 65) + "octree", real + std::string(1, '\0'),
+        std::string(5000, 'a')}) {
+    EXPECT_EQ(engine_->Describe(id).problem().code, ErrorCode::kTreeNotFound) << id;
+    EXPECT_EQ(engine_->Delete(id)->code, ErrorCode::kTreeNotFound);
+    EXPECT_EQ(engine_->OpenMesh(id).problem().code, ErrorCode::kTreeNotFound);
+    EXPECT_EQ(engine_->Closest(id, SomeRays<double>(1), {}, Soon()).problem().code,
+              ErrorCode::kTreeNotFound);
+    EXPECT_EQ(engine_->Any(id, SomeRays<double>(1), {}, Soon()).problem().code,
+              ErrorCode::kTreeNotFound);
+    EXPECT_EQ(engine_->Render(id, {}, true, Soon()).problem().code, ErrorCode::kTreeNotFound);
+    EXPECT_EQ(engine_->Cells(id, 0, Soon()).problem().code, ErrorCode::kTreeNotFound);
+  }
+}
+
+TEST_F(CoreEngineTest, AnotherBuildOfAStoredMesh) {
+  const std::string id = Add(Sphere());
+  const std::string sha256 = id.substr(0, 64);
+  const auto stored = engine_->BuildStored(sha256, api::Build::kBvh);
+  ASSERT_TRUE(stored.ok());
+  EXPECT_EQ(stored->id, sha256 + "-bvh");
+  EXPECT_FALSE(stored->existed);
+  for (const std::string& unknown : {std::string(64, '0'), std::string("x"), sha256 + "0"}) {
+    EXPECT_EQ(engine_->BuildStored(unknown, api::Build::kBvh).problem().code,
+              ErrorCode::kMeshNotFound);
+  }
+}
+
+TEST_F(CoreEngineTest, BrokenMeshesAnswerTheirProblemWithItsLine) {
+  const auto stored = Upload(test::Bytes("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n"));
+  ASSERT_TRUE(stored.ok());
+  const auto waited = engine_->WaitUntilBuilt(
+      stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
+  ASSERT_FALSE(waited.ok());
+  EXPECT_EQ(waited.problem().code, ErrorCode::kInvalidMesh);
+  EXPECT_EQ(waited.problem().line, 6u);
+  EXPECT_EQ(engine_->Describe(stored->id).problem().code, ErrorCode::kInvalidMesh);
+  EXPECT_EQ(engine_->Closest(stored->id, SomeRays<double>(1), {}, Soon()).problem().code,
+            ErrorCode::kInvalidMesh);
+  EXPECT_EQ(Upload({}).problem().code, ErrorCode::kEmptyMesh);
+}
+
+TEST_F(CoreEngineTest, AMeshBeyondTheLimitIsRefusedBeforeItsFirstByte) {
+  options_.limits.max_upload_bytes = 1000;
+  Open();
+  EXPECT_TRUE(engine_->BeginUpload(1000).ok());
+  const auto refused = engine_->BeginUpload(1001);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.problem().code, ErrorCode::kMeshTooLarge);
+  EXPECT_EQ(refused.problem().limit, 1000.0);
+  EXPECT_EQ(refused.problem().actual, 1001.0);
+}
+
+TEST_F(CoreEngineTest, ClosestHitsAreThoseOfBruteForceForFloatAndDoubleRows) {
+  const auto mesh = core::TriangleMesh::Create(Sphere());
+  ASSERT_TRUE(mesh.ok());
+  const std::string id = Add(Sphere());
+  for (const bool in_float : {false, true}) {
+    const api::RayTable table = in_float ? SomeRays<float>(3000) : SomeRays<double>(3000);
+    const auto answer = engine_->Closest(id, table, {}, Soon());
+    ASSERT_TRUE(answer.ok());
+    ASSERT_EQ(answer->hits.size(), 3000u);
+    EXPECT_TRUE(answer->normals.empty() && answer->points.empty()) << "nobody asked";
+    std::size_t hits = 0;
+    std::vector<std::uint64_t> invalid;
+    std::visit(
+        [&](const auto& rows) {
+          for (std::size_t i = 0; i < rows.size(); ++i) {
+            const api::RayHit& got = answer->hits[i];
+            if (i % 10 == 7) {
+              invalid.push_back(i);
+              EXPECT_TRUE(std::isnan(got.t));
+              EXPECT_EQ(got.triangle, -1);
+              continue;
+            }
+            const core::Hit expected =
+                core::BruteForceClosest(*mesh, RayOf(rows[i]), core::AutoPrecision(*mesh));
+            EXPECT_EQ(got.triangle,
+                      expected.IsHit() ? std::int64_t{expected.primitive_id} : std::int64_t{-1});
+            EXPECT_EQ(got.t, expected.t);
+            if (expected.IsHit()) {
+              ++hits;
+              EXPECT_EQ(got.u, expected.u);
+              EXPECT_EQ(got.v, expected.v);
+            }
+          }
+        },
+        table.rows);
+    EXPECT_GT(hits, 500u);
+    EXPECT_EQ(answer->invalid, invalid);
+    EXPECT_GT(answer->trace_ms, 0);
+  }
+}
+
+TEST_F(CoreEngineTest, ABatchLongerThanABlockIsAnsweredLikeItsParts) {
+  const std::string id = Add(Sphere());
+  const api::RayTable all = SomeRays<double>(300'000);
+  const auto answer = engine_->Closest(id, all, {}, Soon());
+  ASSERT_TRUE(answer.ok());
+  const auto any = engine_->Any(id, all, {}, Soon());
+  ASSERT_TRUE(any.ok());
+  EXPECT_EQ(answer->invalid.size(), 30'000u);
+  EXPECT_EQ(any->invalid, answer->invalid);
+  EXPECT_TRUE(std::is_sorted(answer->invalid.begin(), answer->invalid.end()));
+  const auto& rows = std::get<1>(all.rows);
+  for (const std::size_t first : {std::size_t{0}, std::size_t{131'000}, std::size_t{262'100}}) {
+    api::RayTable part{
+        {200},
+        std::vector<api::RayRow<double>>(rows.begin() + std::ptrdiff_t(first),
+                                         rows.begin() + std::ptrdiff_t(first) + 200)};
+    const auto part_answer = engine_->Closest(id, part, {}, Soon());
+    ASSERT_TRUE(part_answer.ok());
+    for (std::size_t i = 0; i < 200; ++i) {
+      const api::RayHit& a = answer->hits[first + i];
+      const api::RayHit& b = part_answer->hits[i];
+      EXPECT_EQ(a.triangle, b.triangle);
+      EXPECT_TRUE(a.t == b.t || (std::isnan(a.t) && std::isnan(b.t)));
+      EXPECT_EQ(any->occluded[first + i], a.triangle >= 0 ? 1 : 0);
+    }
+  }
+}
+
+TEST_F(CoreEngineTest, NormalsAndPointsComeWhenTheyAreAskedFor) {
+  const std::string id = Add(test::Cube({0, 0, 0}, 2));
+  api::RayTable table;
+  table.shape = {3};
+  table.rows = std::vector<api::RayRow<double>>{{-10, 0.5, 0.25, 0, 2, 0, 0, 1e300},
+                                                {-10, 50, 0, 0, 1, 0, 0, 1e300},
+                                                {0.5, 0.25, 10, 0, 0, 0, -1, 1e300}};
+  api::RayOptions options;
+  options.fields = {api::RayField::kT, api::RayField::kNormal, api::RayField::kPoint};
+  const auto answer = engine_->Closest(id, table, options, Soon());
+  ASSERT_TRUE(answer.ok());
+  EXPECT_EQ(answer->hits[0].t, 4.0) << "counts lengths of the direction";
+  EXPECT_THAT(answer->normals[0], ElementsAre(-1, 0, 0)) << "outward, by the order of corners";
+  EXPECT_THAT(answer->points[0], ElementsAre(-2, 0.5, 0.25));
+  EXPECT_EQ(answer->hits[1].triangle, -1);
+  EXPECT_TRUE(std::isnan(answer->normals[1][0]) && std::isnan(answer->points[1][2]));
+  EXPECT_THAT(answer->normals[2], ElementsAre(0, 0, 1));
+  EXPECT_THAT(answer->points[2], ElementsAre(0.5, 0.25, 2));
+}
+
+TEST_F(CoreEngineTest, EveryPrecisionIsAnsweredUnderItsName) {
+  const std::string id = Add(Sphere());
+  for (const api::Precision precision : {api::Precision::kFast, api::Precision::kWatertight,
+                                         api::Precision::kDouble, api::Precision::kExact}) {
+    api::RayOptions options;
+    options.precision = precision;
+    const auto closest = engine_->Closest(id, SomeRays<double>(100), options, Soon());
+    const auto any = engine_->Any(id, SomeRays<double>(100), options, Soon());
+    ASSERT_TRUE(closest.ok() && any.ok());
+    EXPECT_EQ(closest->precision, precision);
+    EXPECT_EQ(any->precision, precision);
+  }
+}
+
+TEST_F(CoreEngineTest, ABatchOfNothingIsAnsweredWithNothing) {
+  const std::string id = Add(Sphere());
+  const auto closest = engine_->Closest(id, SomeRays<float>(0), {}, Soon());
+  ASSERT_TRUE(closest.ok());
+  EXPECT_TRUE(closest->hits.empty() && closest->invalid.empty());
+  EXPECT_TRUE(engine_->Any(id, SomeRays<float>(0), {}, Soon())->occluded.empty());
+}
+
+TEST_F(CoreEngineTest, ADeadlineThatHasPassedIsExceeded) {
+  const std::string id = Add(Sphere());
+  const CancelToken late = CancelToken::WithDeadline(steady_clock::now() - milliseconds(1));
+  EXPECT_EQ(engine_->Closest(id, SomeRays<double>(1000), {}, late).problem().code,
+            ErrorCode::kDeadlineExceeded);
+  EXPECT_EQ(engine_->Any(id, SomeRays<double>(1000), {}, late).problem().code,
+            ErrorCode::kDeadlineExceeded);
+  EXPECT_EQ(engine_->Render(id, {}, true, late).problem().code, ErrorCode::kDeadlineExceeded);
+}
+
+TEST_F(CoreEngineTest, AQueryOnATreeThatIsBuiltWaitsItsDeadlineOutAndIsToldToComeAgain) {
+  // Large enough that it is not built at once.
+  const auto stored = Upload(test::OffBytes(test::UvSphere({0, 0, 0}, 1, 80, 160)));
+  ASSERT_TRUE(stored.ok());
+  const auto building = engine_->Describe(stored->id);
+  ASSERT_TRUE(building.ok());
+  const auto hasty =
+      engine_->Closest(stored->id, SomeRays<double>(1), {},
+                       CancelToken::WithDeadline(steady_clock::now() + milliseconds(1)));
+  if (!building->ready && !hasty.ok()) {
+    EXPECT_EQ(hasty.problem().code, ErrorCode::kTreeBuilding);
+    EXPECT_TRUE(hasty.problem().retry_after_s.has_value());
+    EXPECT_LT(building->progress, 1.0);
+    EXPECT_FALSE(building->tree.has_value());
+    EXPECT_EQ(building->mesh.sha256, stored->id.substr(0, 64));
+  }
+  EXPECT_TRUE(engine_->Closest(stored->id, SomeRays<double>(1), {}, Soon()).ok());
+}
+
+TEST_F(CoreEngineTest, RendersAPngAndArrays) {
+  const std::string id = Add(Sphere());
+  api::RenderRequest request;
+  request.width = 40;
+  request.height = 30;
+  const auto png = engine_->Render(id, request, true, Soon());
+  ASSERT_TRUE(png.ok());
+  const auto& bytes = std::get<std::vector<std::byte>>(png->image);
+  ASSERT_GT(bytes.size(), 8u);
+  EXPECT_EQ(std::to_integer<int>(bytes[1]), 'P');
+  EXPECT_GT(png->trace_ms, 0);
+  EXPECT_GT(png->encode_ms, 0);
+  const std::pair<api::RenderMode, std::size_t> channels[] = {{api::RenderMode::kShaded, 4},
+                                                              {api::RenderMode::kNormal, 3},
+                                                              {api::RenderMode::kDepth, 1},
+                                                              {api::RenderMode::kTriangle, 1}};
+  for (const auto& [mode, count] : channels) {
+    request.mode = mode;
+    const auto array = engine_->Render(id, request, false, Soon());
+    ASSERT_TRUE(array.ok());
+    const auto& image = std::get<api::ImageArray>(array->image);
+    EXPECT_EQ(image.width, 40u);
+    EXPECT_EQ(image.height, 30u);
+    EXPECT_EQ(image.channels, count);
+    std::visit([&](const auto& values) { EXPECT_EQ(values.size(), 40u * 30u * count); },
+               image.values);
+    EXPECT_EQ(image.values.index(), mode == api::RenderMode::kTriangle ? 1u : 0u);
+  }
+}
+
+TEST_F(CoreEngineTest, ACameraThatCannotBeIsAnInvalidParameter) {
+  const std::string id = Add(Sphere());
+  api::RenderRequest request;
+  request.eye = api::Vec3{1, 2, 3};
+  request.target = api::Vec3{1, 2, 3};
+  const auto answer = engine_->Render(id, request, true, Soon());
+  ASSERT_FALSE(answer.ok());
+  EXPECT_EQ(answer.problem().code, ErrorCode::kInvalidParameter);
+  EXPECT_TRUE(answer.problem().parameter.has_value()) << answer.problem().detail;
+}
+
+TEST_F(CoreEngineTest, CellsAreInWorldUnitsAndLimited) {
+  const std::string id = Add(Sphere());
+  const auto root = engine_->Cells(id, 0, Soon());
+  ASSERT_TRUE(root.ok());
+  ASSERT_EQ(root->size(), 1u);
+  const auto description = engine_->Describe(id);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    EXPECT_NEAR((*root)[0].bounds.min[axis], description->mesh.bounds.min[axis], 1e-5);
+    EXPECT_NEAR((*root)[0].bounds.max[axis], description->mesh.bounds.max[axis], 1e-5);
+  }
+  EXPECT_FALSE((*root)[0].leaf);
+  options_.limits.max_cells = 10;
+  Open();
+  EXPECT_LE(engine_->Cells(id, 3, Soon())->size(), 8u);
+  const auto many = engine_->Cells(id, 10, Soon());
+  ASSERT_FALSE(many.ok());
+  EXPECT_EQ(many.problem().code, ErrorCode::kTooManyCells);
+  EXPECT_EQ(many.problem().limit, 10.0);
+}
+
+TEST_F(CoreEngineTest, PagesOfTheListJoinWithoutGaps) {
+  std::vector<std::string> ids;
+  for (int i = 0; i < 5; ++i) ids.push_back(Add(test::Cube({double(i), 0, 0}, 1)));
+  std::vector<std::string> listed;
+  std::string after;
+  for (int pages = 0; pages < 10; ++pages) {
+    const auto page = engine_->List("", 2, after);
+    ASSERT_TRUE(page.ok());
+    for (const auto& tree : page->trees) listed.push_back(tree.id);
+    if (!page->next) break;
+    after = *page->next;
+  }
+  EXPECT_THAT(listed, testing::UnorderedElementsAreArray(ids));
+  EXPECT_FALSE(engine_->List("", 5, "")->next.has_value()) << "all of them fit";
+  const auto one = engine_->List(ids[2].substr(0, 64), 10, "");
+  ASSERT_EQ(one->trees.size(), 1u);
+  EXPECT_EQ(one->trees[0].id, ids[2]);
+  EXPECT_TRUE(engine_->List(std::string(64, '0'), 10, "")->trees.empty());
+  for (const std::string& bad : {std::string("x"), std::string("1"), after + "x"}) {
+    const auto refused = engine_->List("", 2, bad);
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.problem().code, ErrorCode::kInvalidParameter);
+    EXPECT_EQ(refused.problem().parameter, "after");
+  }
+}
+
+TEST_F(CoreEngineTest, AnswersAreTheSameBytesFromMemoryDiskAndEveryThreadCount) {
+  const std::string id = Add(Sphere());
+  const api::RayTable rays = SomeRays<double>(20'000);
+  const auto before = engine_->Closest(id, rays, {}, Soon());
+  ASSERT_TRUE(before.ok());
+  for (const int threads : {1, 2, 5}) {
+    options_.threads = threads;
+    Open();
+    const auto after = engine_->Closest(id, rays, {}, Soon());
+    ASSERT_TRUE(after.ok());
+    for (std::size_t i = 0; i < before->hits.size(); ++i) {
+      const api::RayHit& a = before->hits[i];
+      const api::RayHit& b = after->hits[i];
+      ASSERT_TRUE(a.triangle == b.triangle && a.u == b.u && a.v == b.v &&
+                  (a.t == b.t || (std::isnan(a.t) && std::isnan(b.t))));
+    }
+    EXPECT_EQ(engine_->counters().builds, 0u);
+    EXPECT_EQ(engine_->counters().loads, 1u);
+  }
+}
+
+TEST_F(CoreEngineTest, AFullDiskIsStoreFullAndWhatIsInMemoryIsServed) {
+  const std::string id = Add(Sphere());
+  disk_.set_read_only(true);
+  EXPECT_EQ(engine_->BeginUpload(100).problem().code, ErrorCode::kStoreFull);
+  EXPECT_TRUE(engine_->Closest(id, SomeRays<double>(10), {}, Soon()).ok());
+  EXPECT_EQ(engine_->Delete(id)->code, ErrorCode::kStoreFull);
+}
+
+TEST_F(CoreEngineTest, ShutdownEndsWaitsAndAnswersDraining) {
+  EXPECT_TRUE(engine_->IsReady());
+  const auto stored = Upload(test::OffBytes(test::UvSphere({0, 0, 0}, 1, 80, 160)));
+  ASSERT_TRUE(stored.ok());
+  std::thread client([&] {
+    const auto waited = engine_->WaitUntilBuilt(
+        stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
+    EXPECT_TRUE(waited.ok() || waited.problem().code == ErrorCode::kDraining);
+  });
+  const auto start = steady_clock::now();
+  engine_->Shutdown();
+  client.join();
+  EXPECT_LT(steady_clock::now() - start, std::chrono::seconds(20));
+  EXPECT_FALSE(engine_->IsReady());
+  Open();
+  EXPECT_TRUE(engine_->Closest(stored->id, SomeRays<double>(1), {}, Soon()).ok()) << "resumed";
+}
+
+TEST(MakeCoreEngine, RefusesOptionsThatCannotBeAndASecondDaemon) {
+  test::SimulatedDisk disk;
+  CoreEngineOptions options;
+  options.data_dir = "data";
+  options.file_system = &disk;
+  options.threads = 0;
+  EXPECT_EQ(MakeCoreEngine(options).error().code, core::ErrorCode::kInvalidArgument);
+  options.threads = 1;
+  const auto first = MakeCoreEngine(options);
+  ASSERT_TRUE(first.ok());
+  const auto second = MakeCoreEngine(options);
+  ASSERT_FALSE(second.ok());
+  EXPECT_EQ(second.error().code, core::ErrorCode::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace kdray::server

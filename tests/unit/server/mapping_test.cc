@@ -1,0 +1,244 @@
+#include "server/mapping.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "server/plan.h"
+
+namespace kdray::server {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+core::TreeRecord ReadyRecord() {
+  core::TreeRecord record;
+  record.created_ms = 1'700'000'000'123;
+  record.mesh_bytes = 4711;
+  core::MeshFacts mesh;
+  mesh.format = core::MeshFormat::kPly;
+  mesh.file_bytes = 4711;
+  mesh.triangles = 100;
+  mesh.dropped = 2;
+  mesh.vertices = 60;
+  mesh.bounds = {{-1, -2, -3}, {1, 2, 3}};
+  mesh.health = {1, 2, 3, 4, 5, false, 0.5};
+  mesh.parse_ms = 1.5;
+  record.mesh = mesh;
+  core::TreeFacts tree;
+  tree.build = core::BuildKind::kKdSah;
+  tree.stats.nodes = 7;
+  tree.stats.leaves = 4;
+  tree.stats.empty_leaves = 1;
+  tree.stats.references = 120;
+  tree.stats.max_depth = 3;
+  tree.stats.leaf_histogram = {1, 0, 3};
+  tree.stats.bytes = 999;
+  tree.stats.sah_cost = 12.5;
+  tree.stats.traversal_cost = 1;
+  tree.stats.intersection_cost = 2;
+  tree.build_ms = 2.5;
+  record.tree = tree;
+  return record;
+}
+
+TEST(Mapping, EveryErrorOfCoreHasItsCode) {
+  using core::ErrorCode;
+  const std::pair<ErrorCode, api::ErrorCode> table[] = {
+      {ErrorCode::kInvalidMesh, api::ErrorCode::kInvalidMesh},
+      {ErrorCode::kEmptyMesh, api::ErrorCode::kEmptyMesh},
+      {ErrorCode::kUnsupportedMeshFormat, api::ErrorCode::kUnsupportedMeshFormat},
+      {ErrorCode::kMeshTooLarge, api::ErrorCode::kMeshTooLarge},
+      {ErrorCode::kInvalidArgument, api::ErrorCode::kInvalidParameter},
+      {ErrorCode::kNotFound, api::ErrorCode::kMeshNotFound},
+      {ErrorCode::kCancelled, api::ErrorCode::kDraining},
+      {ErrorCode::kDeadlineExceeded, api::ErrorCode::kDeadlineExceeded},
+      {ErrorCode::kMemoryFull, api::ErrorCode::kMemoryFull},
+      {ErrorCode::kStoreFull, api::ErrorCode::kStoreFull},
+      {ErrorCode::kCorrupt, api::ErrorCode::kInternal},
+      {ErrorCode::kIo, api::ErrorCode::kInternal},
+      {ErrorCode::kInternal, api::ErrorCode::kInternal},
+  };
+  for (const auto& [from, to] : table) {
+    const api::Problem problem = ToProblem({from, "a cause"}, api::ErrorCode::kMeshNotFound);
+    EXPECT_EQ(problem.code, to) << static_cast<int>(from);
+    EXPECT_FALSE(problem.detail.empty());
+    // Those who get 503 are told when to come again.
+    EXPECT_EQ(problem.retry_after_s.has_value(), api::RowOf(to).status == 503)
+        << static_cast<int>(from);
+  }
+}
+
+TEST(Mapping, AProblemSaysLineAndFieldAndNothingInternal) {
+  core::Error error{core::ErrorCode::kInvalidMesh, "line 7: no such vertex"};
+  error.line = 7;
+  EXPECT_EQ(ToProblem(error).line, 7u);
+  EXPECT_EQ(ToProblem(error).detail, "line 7: no such vertex");
+  const api::Problem field =
+      ToProblem({core::ErrorCode::kInvalidArgument, "fov_deg: must be below 180"});
+  EXPECT_EQ(field.parameter, "fov_deg");
+  const api::Problem no_field =
+      ToProblem({core::ErrorCode::kInvalidArgument, "Something else: is wrong"});
+  EXPECT_EQ(no_field.parameter, std::nullopt);
+  EXPECT_THAT(ToProblem({core::ErrorCode::kIo, "disk sda has a secret"}).detail,
+              Not(HasSubstr("secret")));
+}
+
+TEST(Mapping, BuildsAndPrecisionsGoBothWays) {
+  EXPECT_EQ(ToCore(api::Build::kAuto), std::nullopt);
+  for (const core::BuildKind build : core::kAllBuildKinds) EXPECT_EQ(ToCore(ToApi(build)), build);
+  for (const core::Precision precision : core::kAllPrecisions) {
+    EXPECT_EQ(ToCore(ToApi(precision), core::Precision::kFast), precision);
+    EXPECT_EQ(ToCore(api::Precision::kAuto, precision), precision);
+  }
+}
+
+TEST(Mapping, TimesAreRfc3339InUtcWithMilliseconds) {
+  EXPECT_EQ(FormatTime(0), "1970-01-01T00:00:00.000Z");
+  EXPECT_EQ(FormatTime(1'700'000'000'123), "2023-11-14T22:13:20.123Z");
+  EXPECT_EQ(FormatTime(951'782'400'007), "2000-02-29T00:00:00.007Z");
+}
+
+TEST(Mapping, ACursorComesBackAsItWasAndNothingElseIsOne) {
+  core::TreeInfo info;
+  info.record = ReadyRecord();
+  info.record.id.build = core::BuildKind::kKdBinned;
+  const std::string cursor = FormatCursor(info);
+  const auto position = ParseCursor(cursor);
+  ASSERT_TRUE(position.has_value());
+  EXPECT_EQ(position->created_ms, info.record.created_ms);
+  EXPECT_EQ(position->id, info.record.id);
+  for (const std::string& bad :
+       {std::string("x"), std::string("."), "1." + std::string(64, '0'), cursor + "x",
+        cursor.substr(1, 5), " " + cursor, "99999999999999999999" + cursor.substr(13)}) {
+    EXPECT_FALSE(ParseCursor(bad).has_value()) << bad;
+  }
+}
+
+TEST(Mapping, ADescriptionTellsAllFacts) {
+  core::TreeInfo info;
+  info.record = ReadyRecord();
+  info.progress = 1;
+  const api::TreeDescription d = ToApi(info);
+  EXPECT_EQ(d.id, std::string(64, '0') + "-auto");
+  EXPECT_TRUE(d.ready && d.mesh_known && d.tree.has_value());
+  EXPECT_EQ(d.created_at, "2023-11-14T22:13:20.123Z");
+  EXPECT_EQ(d.mesh.sha256, std::string(64, '0'));
+  EXPECT_EQ(d.mesh.format, "ply");
+  EXPECT_EQ(d.mesh.bytes, 4711u);
+  EXPECT_EQ(d.mesh.triangles, 100u);
+  EXPECT_EQ(d.mesh.dropped, 2u);
+  EXPECT_EQ(d.mesh.vertices, 60u);
+  EXPECT_EQ(d.mesh.bounds.min, (api::Vec3{-1, -2, -3}));
+  EXPECT_EQ(d.mesh.bounds.max, (api::Vec3{1, 2, 3}));
+  EXPECT_EQ(d.mesh.health.degenerate, 1u);
+  EXPECT_EQ(d.mesh.health.duplicate, 2u);
+  EXPECT_EQ(d.mesh.health.concave, 3u);
+  EXPECT_EQ(d.mesh.health.open_edges, 4u);
+  EXPECT_EQ(d.mesh.health.non_manifold_edges, 5u);
+  EXPECT_FALSE(d.mesh.health.closed);
+  EXPECT_EQ(d.mesh.health.coordinate_resolution, 0.5);
+  EXPECT_EQ(d.tree->build, api::Build::kKdSah);
+  EXPECT_EQ(d.tree->nodes, 7u);
+  EXPECT_EQ(d.tree->leaves, 4u);
+  EXPECT_EQ(d.tree->empty_leaves, 1u);
+  EXPECT_EQ(d.tree->references, 120u);
+  EXPECT_EQ(d.tree->max_depth, 3u);
+  EXPECT_EQ(d.tree->leaf_histogram, (std::vector<std::uint64_t>{1, 0, 3}));
+  EXPECT_EQ(d.tree->bytes, 999u);
+  EXPECT_EQ(d.tree->sah_cost, 12.5);
+  EXPECT_EQ(d.tree->traversal_cost, 1);
+  EXPECT_EQ(d.tree->intersection_cost, 2);
+  EXPECT_EQ(d.tree->parse_ms, 1.5);
+  EXPECT_EQ(d.tree->build_ms, 2.5);
+}
+
+TEST(Mapping, ADescriptionOfATreeThatIsBuiltTellsWhatIsKnown) {
+  core::TreeInfo info;
+  info.record = ReadyRecord();
+  info.record.mesh.reset();
+  info.record.tree.reset();
+  info.progress = 0.25;
+  const api::TreeDescription d = ToApi(info);
+  EXPECT_FALSE(d.ready || d.mesh_known || d.tree.has_value());
+  EXPECT_EQ(d.progress, 0.25);
+  EXPECT_EQ(d.mesh.bytes, 4711u);
+  EXPECT_EQ(d.mesh.sha256, std::string(64, '0'));
+}
+
+TEST(Plan, SaysStructureVerticesPrecisionAndWhatIsNotPromised) {
+  core::TreeRecord record = ReadyRecord();
+  std::string plan = DescribePlan(record);
+  EXPECT_THAT(plan, HasSubstr("kd-tree"));
+  EXPECT_THAT(plan, HasSubstr("auto picks for 100 triangles"));
+  EXPECT_THAT(plan, HasSubstr("floats (12 bytes)"));
+  EXPECT_THAT(plan, HasSubstr("auto means watertight"));
+  EXPECT_THAT(plan, HasSubstr("4 open and 5 non-manifold"));
+  EXPECT_THAT(plan, HasSubstr("watertightness is not promised"));
+
+  record.id.build = core::BuildKind::kBvh;
+  record.mesh->health.closed = true;
+  record.mesh->double_vertices = true;
+  record.mesh->frame = {{148376, 0, -0.5}, 1};
+  record.mesh->auto_precision = core::Precision::kDouble;
+  plan = DescribePlan(record);
+  EXPECT_THAT(plan, HasSubstr("bounding volume hierarchy"));
+  EXPECT_THAT(plan, HasSubstr("bvh, as asked"));
+  EXPECT_THAT(plan, HasSubstr("doubles (24 bytes)"));
+  EXPECT_THAT(plan, HasSubstr("(148376, 0, -0.5)"));
+  EXPECT_THAT(plan, HasSubstr("auto means double"));
+  EXPECT_THAT(plan, HasSubstr("With watertight, vertices are rounded"));
+  EXPECT_THAT(plan, HasSubstr("The mesh is closed"));
+
+  record.id.build.reset();
+  record.mesh->triangles = 12;
+  EXPECT_THAT(DescribePlan(record), HasSubstr("12 triangles need no tree"));
+  record.mesh.reset();
+  EXPECT_EQ(DescribePlan(record), "The mesh is being read.");
+}
+
+TEST(Mapping, ARenderRequestKeepsItsFields) {
+  api::RenderRequest request;
+  request.width = 12;
+  request.height = 34;
+  request.eye = api::Vec3{1, 2, 3};
+  request.up = {0, 0, 1};
+  request.fov_deg = 50;
+  request.mode = api::RenderMode::kDepth;
+  request.samples = 4;
+  request.color = api::Vec3{0.5, 0.25, 1};
+  request.transparent = true;
+  request.cells_depth = 3;
+  request.region = api::Region{1, 2, 3, 4};
+  request.seed = 99;
+  core::RenderSpec spec = ToCore(request, core::Precision::kDouble);
+  EXPECT_EQ(spec.width, 12);
+  EXPECT_EQ(spec.height, 34);
+  EXPECT_EQ(spec.camera.projection, core::Projection::kPerspective);
+  EXPECT_EQ(spec.camera.eye, (core::Vec3d{1, 2, 3}));
+  EXPECT_EQ(spec.camera.target, std::nullopt);
+  EXPECT_EQ(spec.camera.up, (core::Vec3d{0, 0, 1}));
+  EXPECT_EQ(spec.camera.fov_deg, 50);
+  EXPECT_EQ(spec.mode, core::RenderMode::kDepth);
+  EXPECT_EQ(spec.samples, 4);
+  EXPECT_EQ(spec.precision, core::Precision::kDouble);
+  EXPECT_EQ(spec.color, (core::Rgb{0.5f, 0.25f, 1}));
+  ASSERT_TRUE(spec.background.has_value());
+  EXPECT_TRUE(spec.background->transparent);
+  EXPECT_EQ(spec.cells_depth, 3u);
+  EXPECT_EQ(spec.region, (core::Region{1, 2, 3, 4}));
+  EXPECT_EQ(spec.seed, 99u);
+
+  request.projection = api::Projection::kOrthographic;
+  request.view_height = 7;
+  spec = ToCore(request, core::Precision::kDouble);
+  EXPECT_EQ(spec.camera.projection, core::Projection::kOrthographic);
+  EXPECT_EQ(spec.camera.fov_deg, std::nullopt) << "has a default, but belongs to perspective";
+  EXPECT_EQ(spec.camera.view_height, 7);
+}
+
+}  // namespace
+}  // namespace kdray::server
