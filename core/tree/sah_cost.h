@@ -9,8 +9,11 @@ namespace kdray::core {
 /// "Heuristics for ray tracing using space subdivision", 1990; Wald and Havran, "On building fast
 /// kd-Trees for Ray Tracing, and on doing that in O(N log N)", 2006, section 3.
 struct SahCost {
-  double traversal = 1;      ///< of an interior node; larger: fewer, fuller leaves
-  double intersection = 2;   ///< of a triangle; larger: more, emptier leaves and more memory
+  double traversal = 1;  ///< of an interior node; larger: fewer, fuller leaves
+  /// Of a triangle; larger: more, emptier leaves and more memory. Less than a step, since a step
+  /// waits for memory more often: from 0.4 to 2.5 rays are equally fast, but the tree of the bunny
+  /// (69,451 triangles) takes 26 to 66 bytes a triangle.
+  double intersection = 0.7;
   double empty_bonus = 0.8;  ///< factor for a split that leaves one side empty, <= 1; smaller:
                              ///< empty space is cut off earlier
 
