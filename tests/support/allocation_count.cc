@@ -45,10 +45,14 @@ void operator delete(void* block, std::size_t, std::align_val_t) noexcept { Free
 
 namespace kdray::test {
 
-AllocationPeak::AllocationPeak() : start_(held.load()) { peak.store(start_); }
+AllocationPeak::AllocationPeak() : start_(::held.load()) { peak.store(start_); }
 
 std::uint64_t AllocationPeak::bytes() const {
   return static_cast<std::uint64_t>(std::max<std::int64_t>(0, peak.load() - start_));
+}
+
+std::uint64_t AllocationPeak::held() const {
+  return static_cast<std::uint64_t>(std::max<std::int64_t>(0, ::held.load() - start_));
 }
 
 }  // namespace kdray::test

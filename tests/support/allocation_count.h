@@ -13,6 +13,8 @@ class AllocationPeak {
   AllocationPeak();
   /// The most bytes that were allocated at once since then, above what there was at that time.
   std::uint64_t bytes() const;
+  /// Bytes allocated now, above what there was at that time.
+  std::uint64_t held() const;
 
  private:
   std::int64_t start_;

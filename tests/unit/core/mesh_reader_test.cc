@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/allocation_watch.h"
+#include "tests/support/allocation_count.h"
 #include "tests/support/csv.h"
 #include "tests/support/mesh_files.h"
 #include "tests/support/seed.h"
@@ -240,9 +240,9 @@ struct MemoryUse {
 };
 
 MemoryUse Measure(std::span<const std::byte> bytes) {
-  test::AllocationWatch watch;
+  const test::AllocationPeak memory;
   const Result<MeshData> data = ReadMesh(bytes);
-  return {watch.peak(), data.ok() ? watch.held() : 0, data.ok()};
+  return {memory.bytes(), data.ok() ? memory.held() : 0, data.ok()};
 }
 
 // For scratch that does not grow with the file: a header's properties, messages, concave polygons.
