@@ -121,6 +121,7 @@ const Field<Request>* FindField(const FieldTable<Request>& table, std::string_vi
 template <class Request>
 Problem UnknownField(const FieldTable<Request>& table, std::string_view name) {
   std::vector<std::string_view> names;
+  names.reserve(table.fields.size());
   for (const Field<Request>& field : table.fields) names.push_back(field.name);
   return UnknownField(name, names, table.later);
 }
