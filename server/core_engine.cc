@@ -198,9 +198,9 @@ class RealEngine final : public CoreEngine {
 
   api::Outcome<std::vector<api::Cell>> Cells(std::string_view id, std::uint32_t depth,
                                              const CancelToken& cancel) override {
-    const auto loaded = Load(id, cancel);
-    if (!loaded.ok()) return loaded.problem();
-    const auto cells = loaded->scene.Cells(depth, static_cast<std::size_t>(limits_.max_cells));
+    const auto scene = Load(id, cancel);
+    if (!scene.ok()) return scene.problem();
+    const auto cells = scene->Cells(depth, static_cast<std::size_t>(limits_.max_cells));
     if (!cells.ok() && cells.error().code == core::ErrorCode::kInvalidArgument) {
       api::Problem problem;
       problem.code = api::ErrorCode::kTooManyCells;
@@ -230,13 +230,13 @@ class RealEngine final : public CoreEngine {
   }
 
  private:
-  api::Outcome<core::TreeLibrary::LoadedTree> Load(std::string_view id, const CancelToken& cancel) {
+  api::Outcome<core::Scene> Load(std::string_view id, const CancelToken& cancel) {
     const api::Outcome<core::TreeId> tree_id = ToTreeId(id);
     if (!tree_id.ok()) return tree_id.problem();
-    auto loaded = library_->Load(*tree_id, cancel);
-    if (loaded.ok()) return *std::move(loaded);
-    api::Problem problem = ToProblem(loaded.error());
-    if (loaded.error().code == core::ErrorCode::kDeadlineExceeded) {
+    auto scene = library_->Load(*tree_id, cancel);
+    if (scene.ok()) return *std::move(scene);
+    api::Problem problem = ToProblem(scene.error());
+    if (scene.error().code == core::ErrorCode::kDeadlineExceeded) {
       // A tree that was never built needs patience; one that is only read in again was slow.
       const core::Result<core::TreeInfo> info = library_->Find(*tree_id);
       if (info.ok() && !info->ready()) {
@@ -252,15 +252,15 @@ class RealEngine final : public CoreEngine {
   template <class Answer, class Work>
   api::Outcome<Answer> Query(std::string_view id, api::Precision asked, const CancelToken& cancel,
                              const Work& work) {
-    const auto loaded = Load(id, cancel);
-    if (!loaded.ok()) return loaded.problem();
-    const core::Precision precision = ToCore(asked, loaded->mesh.auto_precision);
+    const auto scene = Load(id, cancel);
+    if (!scene.ok()) return scene.problem();
+    const core::Precision precision = ToCore(asked, core::AutoPrecision(*scene->mesh));
     Answer answer;
     answer.precision = ToApi(precision);
     try {
       core::Status status;
       const auto start = SteadyClock::now();
-      arena_.Run([&] { status = work(loaded->scene, {precision, cancel}, &answer); });
+      arena_.Run([&] { status = work(*scene, {precision, cancel}, &answer); });
       if (!status.ok()) return ToProblem(status.error());
       if (answer.trace_ms == 0) answer.trace_ms = MillisecondsSince(start);
     } catch (const std::bad_alloc&) {

@@ -24,6 +24,7 @@ namespace {
 /// WaitForSignal().
 sigset_t BlockStopSignals() {
   std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);  // a file at its size limit is a full disk, not the end
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGTERM);

@@ -2,6 +2,7 @@
 
 #include <charconv>
 
+#include "core/trace/precision.h"
 #include "core/tree/build_kind.h"
 
 namespace kdray::server {
@@ -60,11 +61,12 @@ std::string DescribeVertices(const core::MeshFacts& mesh) {
 }
 
 std::string DescribePrecision(const core::MeshFacts& mesh) {
-  if (mesh.auto_precision == core::Precision::kWatertight) {
+  const core::Precision precision = core::AutoPrecision(mesh.double_vertices, mesh.shortest_edge);
+  if (precision == core::Precision::kWatertight) {
     return "Precision auto means watertight: single precision resolves every edge of this mesh. ";
   }
   std::string text = "Precision auto means ";
-  text += core::Name(mesh.auto_precision);
+  text += core::Name(precision);
   text += mesh.double_vertices ? ": the vertices need it. "
                                : ": the shortest edges are too short for single precision. ";
   if (mesh.double_vertices) {

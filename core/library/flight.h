@@ -22,8 +22,8 @@ struct TreeLibrary::Flight {
   SceneSource::Watch watch;
   MemoryCharge pledge;  // given back when it lands
   bool done = false;
-  std::optional<Error> error;        // once done: why there is no tree
-  std::optional<LoadedTree> loaded;  // once done without an error
+  std::optional<Error> error;  // once done: why there is no tree
+  std::optional<Scene> scene;  // once done without an error
   std::condition_variable landed;
 };
 

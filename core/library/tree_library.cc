@@ -214,12 +214,12 @@ Result<TreeInfo> TreeLibrary::Wait(const TreeId& id, SteadyClock::time_point unt
   }
 }
 
-Result<TreeLibrary::LoadedTree> TreeLibrary::Load(const TreeId& id, const CancelToken& cancel) {
+Result<Scene> TreeLibrary::Load(const TreeId& id, const CancelToken& cancel) {
   store_->UseMesh(id.mesh);
   std::unique_lock lock(mutex_);
   Result<Entry*> entry = FindLocked(id);
   if (!entry.ok()) return std::move(entry).error();
-  if (std::optional<LoadedTree> loaded = FindInMemory(**entry)) return *std::move(loaded);
+  if (std::optional<Scene> scene = FindInMemory(**entry)) return *std::move(scene);
   if (std::optional<Error> failure = EnsureFlight(*entry)) return *std::move(failure);
 
   const std::shared_ptr<Flight> flight = (*entry)->flight;
@@ -234,7 +234,7 @@ Result<TreeLibrary::LoadedTree> TreeLibrary::Load(const TreeId& id, const Cancel
     flight->landed.wait_until(lock, std::min(cancel.deadline(), SteadyClock::now() + kLookAgain));
   }
   if (flight->error) return *flight->error;
-  return *flight->loaded;
+  return *flight->scene;
 }
 
 std::vector<TreeInfo> TreeLibrary::List(const std::optional<Sha256Digest>& mesh,

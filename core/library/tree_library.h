@@ -97,14 +97,10 @@ class TreeLibrary {
   Result<TreeInfo> Wait(const TreeId& id, std::chrono::steady_clock::time_point until,
                         const CancelToken& cancel);
 
-  struct LoadedTree {
-    Scene scene;
-    MeshFacts mesh;
-  };
   /// The tree in memory. Waits for its build, or until it is read in again, as long as `cancel`
   /// lets it: then kDeadlineExceeded or kCancelled, or kMemoryFull when it was memory that was
   /// waited for. kCancelled also once Shutdown was called.
-  Result<LoadedTree> Load(const TreeId& id, const CancelToken& cancel);
+  Result<Scene> Load(const TreeId& id, const CancelToken& cancel);
 
   /// A place in the list: newest first, at equal time by id.
   struct Position {
@@ -163,7 +159,7 @@ class TreeLibrary {
   Entries::iterator FirstOf(const Sha256Digest& mesh);  // of the mesh's ids, or end()
   bool HasMesh(const Sha256Digest& mesh);
   bool IsWanted(const Sha256Digest& mesh, BuildKind build);  // by any id
-  std::optional<LoadedTree> FindInMemory(const Entry& entry);
+  std::optional<Scene> FindInMemory(const Entry& entry);
   std::optional<Error> EnsureFlight(Entry* entry);  // why there cannot be one
   void StartFlight(Entry* entry, MemoryCharge pledge);
   void Land(Entry* entry, std::optional<Error> error);

@@ -24,14 +24,14 @@ Error ShuttingDown() { return Error{ErrorCode::kCancelled, "shutting down"}; }
 
 }  // namespace
 
-std::optional<TreeLibrary::LoadedTree> TreeLibrary::FindInMemory(const Entry& entry) {
+std::optional<Scene> TreeLibrary::FindInMemory(const Entry& entry) {
   if (!entry.record.tree) return std::nullopt;
   const TreeCache::TreePointer tree =
       cache_.FindTree(entry.record.id.mesh, entry.record.tree->build);
   if (tree == nullptr) return std::nullopt;
   const TreeCache::MeshPointer mesh = cache_.FindMesh(entry.record.id.mesh);
   if (mesh == nullptr) return std::nullopt;
-  return LoadedTree{{std::shared_ptr<const TriangleMesh>(mesh, &mesh->mesh), tree}, mesh->facts};
+  return Scene{std::shared_ptr<const TriangleMesh>(mesh, &mesh->mesh), tree};
 }
 
 std::optional<Error> TreeLibrary::EnsureFlight(Entry* entry) {
@@ -111,7 +111,7 @@ bool TreeLibrary::Succeed(Flight* flight, const SceneSource::Fetched& fetched) {
   record.mesh = fetched.prepared->facts;
   record.tree = std::move(facts);
   entry->failure.reset();
-  flight->loaded = LoadedTree{fetched.scene, fetched.prepared->facts};
+  flight->scene = fetched.scene;
   Land(entry, std::nullopt);
   return true;
 }

@@ -24,7 +24,7 @@ Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelT
   facts.health = CheckHealth(*mesh, *data);
   facts.double_vertices = mesh->has_double_vertices();
   facts.frame = mesh->frame();
-  facts.auto_precision = AutoPrecision(*mesh);
+  facts.shortest_edge = mesh->shortest_edge();
   facts.memory_bytes = mesh->bytes();
   facts.parse_ms =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();

@@ -11,7 +11,6 @@
 #include "core/geometry/bounds3.h"
 #include "core/geometry/mesh_health.h"
 #include "core/geometry/triangle_mesh.h"
-#include "core/trace/precision.h"
 #include "core/tree/build_kind.h"
 #include "core/tree/tree_stats.h"
 
@@ -27,9 +26,9 @@ struct MeshFacts {
   MeshHealth health;
   bool double_vertices = false;  ///< local vertices are kept in double
   MeshFrame frame;
-  Precision auto_precision = Precision::kWatertight;  ///< what `auto` means for it
-  std::uint64_t memory_bytes = 0;                     ///< of the mesh in memory
-  double parse_ms = 0;  ///< time from bytes to mesh, health included, when it was parsed
+  double shortest_edge = 0;        ///< TriangleMesh::shortest_edge, local units
+  std::uint64_t memory_bytes = 0;  ///< of the mesh in memory
+  double parse_ms = 0;             ///< time from bytes to mesh, health included, when it was parsed
   friend bool operator==(const MeshFacts&, const MeshFacts&) = default;
 };
 

@@ -24,7 +24,7 @@ void PutMeshFacts(const MeshFacts& facts, CheckedWriter* writer) {
   PutBool(facts.double_vertices, writer);
   writer->Put(facts.frame.origin);
   writer->Put(std::int32_t{facts.frame.exponent});
-  PutEnum(facts.auto_precision, writer);
+  writer->Put(facts.shortest_edge);
   writer->Put(facts.memory_bytes);
   writer->Put(facts.parse_ms);
 }
@@ -47,7 +47,7 @@ MeshFacts GetMeshFacts(CheckedReader* reader) {
   facts.double_vertices = GetBool(reader);
   facts.frame.origin = reader->Get<Vec3d>();
   facts.frame.exponent = reader->Get<std::int32_t>();
-  facts.auto_precision = GetEnum(Precision::kExact, reader);
+  facts.shortest_edge = reader->Get<double>();
   facts.memory_bytes = reader->Get<std::uint64_t>();
   facts.parse_ms = reader->Get<double>();
   return facts;

@@ -26,5 +26,7 @@ std::optional<Precision> ParsePrecision(std::string_view name);
 /// What `auto` means for `closest` and `any` on this mesh: watertight when float holds every vertex
 /// exactly and the largest |local coordinate| is less than 2^20 shortest edges; else double.
 Precision AutoPrecision(const TriangleMesh& mesh);
+/// The same from TriangleMesh::has_double_vertices() and shortest_edge().
+Precision AutoPrecision(bool has_double_vertices, double shortest_edge);
 
 }  // namespace kdray::core

@@ -52,9 +52,9 @@ inline core::Result<core::TreeLibrary::Added> Upload(
 
 /// Closest hits of a fan of rays from around the mesh: what must not change whatever happens to
 /// the files.
-inline std::vector<core::Hit> Answers(const core::TreeLibrary::LoadedTree& tree) {
+inline std::vector<core::Hit> Answers(const core::Scene& scene) {
   std::vector<core::Ray> rays;
-  const core::Bounds3d& box = tree.scene.mesh->bounds();
+  const core::Bounds3d& box = scene.mesh->bounds();
   for (int i = 0; i < 64; ++i) {
     core::Ray ray;
     ray.origin = box.max + box.Extent() * (0.1 + 0.01 * i);
@@ -65,17 +65,17 @@ inline std::vector<core::Hit> Answers(const core::TreeLibrary::LoadedTree& tree)
     rays.push_back(ray);
   }
   std::vector<core::Hit> hits(rays.size());
-  EXPECT_TRUE(core::TraceClosest(tree.scene, std::span<const core::Ray>(rays), {}, hits).ok());
+  EXPECT_TRUE(core::TraceClosest(scene, std::span<const core::Ray>(rays), {}, hits).ok());
   return hits;
 }
 
 inline std::vector<core::Hit> AnswersOf(core::TreeLibrary* library, const core::TreeId& id) {
-  const auto loaded = library->Load(id, Soon());
-  if (!loaded.ok()) {
-    ADD_FAILURE() << "no answer: " << loaded.error().message;
+  const auto scene = library->Load(id, Soon());
+  if (!scene.ok()) {
+    ADD_FAILURE() << "no answer: " << scene.error().message;
     return {};
   }
-  return Answers(*loaded);
+  return Answers(*scene);
 }
 
 class LibraryTest : public testing::Test {

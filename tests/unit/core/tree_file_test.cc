@@ -42,7 +42,7 @@ PreparedMesh Prepare(const MeshData& data) {
   facts.health.coordinate_resolution = 1e-7;
   facts.double_vertices = mesh->has_double_vertices();
   facts.frame = mesh->frame();
-  facts.auto_precision = AutoPrecision(*mesh);
+  facts.shortest_edge = mesh->shortest_edge();
   facts.memory_bytes = mesh->bytes();
   facts.parse_ms = 0.125;
   return PreparedMesh{facts, *std::move(mesh)};
@@ -280,7 +280,6 @@ TEST(MeshFile, GivesBackTheSameMesh) {
     EXPECT_EQ(read->mesh.degenerate_flags(), mesh.mesh.degenerate_flags());
     EXPECT_EQ(read->mesh.degenerate_count(), mesh.mesh.degenerate_count());
     EXPECT_EQ(read->mesh.shortest_edge(), mesh.mesh.shortest_edge());
-    EXPECT_EQ(AutoPrecision(read->mesh), AutoPrecision(mesh.mesh));
     EXPECT_EQ(read->mesh.bytes(), mesh.mesh.bytes());
     for (PrimitiveId id = 0; id < mesh.mesh.triangle_count(); ++id) {
       for (int corner = 0; corner < 3; ++corner) {

@@ -45,8 +45,7 @@ TEST_F(TreeLibraryTest, AnswersLikeATreeBuiltWithoutIt) {
   const auto shared = std::make_shared<core::TriangleMesh>(*mesh);
   const auto tree = core::BuildTree(*shared, BuildKind::kBox);
   ASSERT_TRUE(tree.ok());
-  const std::vector<core::Hit> expected =
-      Answers({{shared, std::make_shared<core::Tree>(*tree)}, core::MeshFacts{}});
+  const std::vector<core::Hit> expected = Answers({shared, std::make_shared<core::Tree>(*tree)});
   EXPECT_TRUE(std::any_of(expected.begin(), expected.end(),
                           [](const core::Hit& hit) { return hit.IsHit(); }));
   for (const BuildKind build : core::kAllBuildKinds) {
@@ -112,7 +111,7 @@ TEST_F(TreeLibraryTest, AutoIsAnIdOfItsOwnThatSharesTheTreeOfItsPick) {
   const auto one = library_->Load(automatic, Soon());
   const auto other = library_->Load(named, Soon());
   ASSERT_TRUE(one.ok() && other.ok());
-  EXPECT_EQ(one->scene.tree, other->scene.tree);
+  EXPECT_EQ(one->tree, other->tree);
 }
 
 TEST_F(TreeLibraryTest, AutoPicksTheBoxForTwelveTriangles) {
@@ -291,7 +290,7 @@ class FullMemoryTest : public LibraryTest {
     small_ = Add(SphereBytes(1, 6), BuildKind::kBox);
   }
   static std::vector<std::byte> Large() { return SphereBytes(2, kRings); }
-  TreeLibrary::LoadedTree HoldSmall() {
+  core::Scene HoldSmall() {
     auto loaded = library_->Load(small_, Soon());
     EXPECT_TRUE(loaded.ok());
     return *std::move(loaded);
@@ -355,7 +354,7 @@ TEST_F(FullMemoryTest, UploadsBeyondTheMemoryAreTurnedAwayAtTheDoor) {
 }
 
 TEST_F(FullMemoryTest, ABuildWaitsForMemoryAndGoesOnWhenItIsFree) {
-  std::optional<TreeLibrary::LoadedTree> held = HoldSmall();
+  std::optional<core::Scene> held = HoldSmall();
   const TreeId large = UploadLarge();
   const auto late = library_->Load(large, Within(milliseconds(300)));
   ASSERT_FALSE(late.ok());
@@ -367,7 +366,7 @@ TEST_F(FullMemoryTest, ABuildWaitsForMemoryAndGoesOnWhenItIsFree) {
 }
 
 TEST_F(FullMemoryTest, WhoLeavesWhileItIsBuiltLeavesTheOthersWaiting) {
-  std::optional<TreeLibrary::LoadedTree> held = HoldSmall();
+  std::optional<core::Scene> held = HoldSmall();
   const TreeId large = UploadLarge();
   const CancelToken leader = CancelToken::Cancellable();
   std::thread first_client([&] {
@@ -385,7 +384,7 @@ TEST_F(FullMemoryTest, WhoLeavesWhileItIsBuiltLeavesTheOthersWaiting) {
 }
 
 TEST_F(FullMemoryTest, DeletingATreeThatIsBuiltTellsAllWhoWaitAndLeavesNothing) {
-  std::optional<TreeLibrary::LoadedTree> held = HoldSmall();
+  std::optional<core::Scene> held = HoldSmall();
   const TreeId large = UploadLarge();
   std::atomic<int> told{0};
   std::vector<std::thread> clients;
@@ -409,7 +408,7 @@ TEST_F(FullMemoryTest, DeletingATreeThatIsBuiltTellsAllWhoWaitAndLeavesNothing) 
 }
 
 TEST_F(FullMemoryTest, ShuttingDownTellsAllWhoWaitAndTheBuildResumes) {
-  std::optional<TreeLibrary::LoadedTree> held = HoldSmall();
+  std::optional<core::Scene> held = HoldSmall();
   const TreeId large = UploadLarge();
   std::thread client([&] {
     const auto loaded = library_->Load(large, Soon());

@@ -26,6 +26,7 @@ core::TreeRecord ReadyRecord() {
   mesh.vertices = 60;
   mesh.bounds = {{-1, -2, -3}, {1, 2, 3}};
   mesh.health = {1, 2, 3, 4, 5, false, 0.5};
+  mesh.shortest_edge = 0.01;
   mesh.parse_ms = 1.5;
   record.mesh = mesh;
   core::TreeFacts tree;
@@ -183,7 +184,6 @@ TEST(Plan, SaysStructureVerticesPrecisionAndWhatIsNotPromised) {
   record.mesh->health.closed = true;
   record.mesh->double_vertices = true;
   record.mesh->frame = {{148376, 0, -0.5}, 1};
-  record.mesh->auto_precision = core::Precision::kDouble;
   plan = DescribePlan(record);
   EXPECT_THAT(plan, HasSubstr("bounding volume hierarchy"));
   EXPECT_THAT(plan, HasSubstr("bvh, as asked"));
@@ -192,6 +192,10 @@ TEST(Plan, SaysStructureVerticesPrecisionAndWhatIsNotPromised) {
   EXPECT_THAT(plan, HasSubstr("auto means double"));
   EXPECT_THAT(plan, HasSubstr("With watertight, vertices are rounded"));
   EXPECT_THAT(plan, HasSubstr("The mesh is closed"));
+
+  record.mesh->double_vertices = false;
+  record.mesh->shortest_edge = 1e-9;
+  EXPECT_THAT(DescribePlan(record), HasSubstr("auto means double: the shortest edges"));
 
   record.id.build.reset();
   record.mesh->triangles = 12;
