@@ -54,8 +54,7 @@ ExactParameter ParameterOf(const LocalRay& ray, const ExactTest::Corners& triang
 
 }  // namespace
 
-ExactTest::ExactTest(const LocalRay& ray)
-    : ray_(ray), origin_rounding_(0), trust_rounded_(true) {
+ExactTest::ExactTest(const LocalRay& ray) : ray_(ray), origin_rounding_(0), trust_rounded_(true) {
   const Ray& given = *ray.given;
   const MeshFrame& frame = *ray.frame;
   for (int axis = 0; axis < 3; ++axis) {
@@ -152,9 +151,42 @@ bool ExactTest::Test(const Vec3d& a, const Vec3d& b, const Vec3d& c, Hit* hit) c
   hit->t = ExactOrRoundedT(a, b, c);
   hit->s = hit->t - ray_.shift;
   const double inverse_sum = 1.0 / SymmetricSum(wa.value, wb.value, wc.value);
-  hit->u = wb.value * inverse_sum;
-  hit->v = wc.value * inverse_sum;
+  hit->u = wb.value * inverse_sum + 0.0;  // -0 becomes 0
+  hit->v = wc.value * inverse_sum + 0.0;
+  hit->side = any_positive ? 1 : -1;
+  hit->on_edge = {wa.sign == 0, wb.sign == 0, wc.sign == 0};
   return true;
+}
+
+bool ExactTest::OwnsCrossing(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Hit& hit) const {
+  return (!hit.on_edge[0] || MovedSign(b, c) == hit.side) &&
+         (!hit.on_edge[1] || MovedSign(c, a) == hit.side) &&
+         (!hit.on_edge[2] || MovedSign(a, b) == hit.side);
+}
+
+// With the origin moved by m, the volume direction . ((p - origin) x (q - origin)) grows by
+// m . ((p - q) x direction). For m = (e, e^2, e^3) the first component of the product that is not 0
+// decides.
+int ExactTest::MovedSign(const Vec3d& p, const Vec3d& q) const {
+  const Vec3d edge = p - q;
+  const Vec3d& d = ray_.direction;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int i = axis == 2 ? 0 : axis + 1;
+    const int j = i == 2 ? 0 : i + 1;
+    const double left = edge[i] * d[j];
+    const double right = edge[j] * d[i];
+    const double value = left - right;
+    // Three roundings on the way to each product and their difference; then underflow.
+    const double bound = 4 * kUnit * (std::fabs(left) + std::fabs(right)) + 0x1p-1070;
+    if (trust_rounded_ && std::fabs(value) > bound) return value > 0 ? 1 : -1;
+    // A rounded difference is 0 only when the corners' coordinates are equal.
+    if (trust_rounded_ && (edge[i] == 0 || d[j] == 0) && (edge[j] == 0 || d[i] == 0)) continue;
+    const DyadicVec3 edge_exact = Exactly(p) - Exactly(q);
+    const DyadicVec3 product = Cross(edge_exact, ExactDirection(ray_));
+    const int sign = (axis == 0 ? product.x : axis == 1 ? product.y : product.z).Sign();
+    if (sign != 0) return sign;
+  }
+  return 0;
 }
 
 int ExactTest::CompareExactly(const Corners& a, const Corners& b) const {

@@ -35,6 +35,8 @@ class ExactTest {
     double s = 0;  ///< local parameter of LocalRay, rounded: for culling
     double u = 0, v = 0;
     double t = 0;  ///< in lengths of LocalRay::direction from the origin as given, to within 1 ulp
+    int side = 0;  ///< common sign of the edges' volumes, where they are not 0
+    std::array<bool, 3> on_edge{};  ///< volumes that are 0: the ray meets edge bc, ca, ab
   };
 
   explicit ExactTest(const LocalRay& ray);
@@ -43,6 +45,15 @@ class ExactTest {
   double pad() const { return kDoublePad + std::fabs(ray_.shift) * 0x1p-48; }
 
   bool Test(const Vec3d& a, const Vec3d& b, const Vec3d& c, Hit* hit) const;
+
+  /// Whether a hit is still one when the ray is moved by (e, e^2, e^3) for an infinitely small e >
+  /// 0. A moved ray meets no edge and no corner, so of the triangles around one that the given ray
+  /// meets, each crossing belongs to exactly one; where the ray only touches, to none or to two.
+  /// (Triangles along the ray are not hit before or after.) The arguments are those of the Test()
+  /// that was true. Source: Edelsbrunner and Muecke, "Simulation of Simplicity", ACM Transactions
+  /// on Graphics 9(1), 1990; moving the ray alone is enough here, and keeps equal corners of
+  /// different triangles equal.
+  bool OwnsCrossing(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Hit& hit) const;
 
   template <class CornersOf>
   bool IsCloser(const Hit& hit, PrimitiveId id, const Hit& best, PrimitiveId best_id,
@@ -74,6 +85,9 @@ class ExactTest {
   /// Sign of direction . ((p - origin) x (q - origin)): on which side the ray passes the edge p q.
   Volume EdgeVolume(const Relative& p, const Relative& q, const Vec3d& p_exact,
                     const Vec3d& q_exact) const;
+  /// Sign of that volume, when it is 0, for the moved ray of OwnsCrossing; 0 when the edge is
+  /// parallel to the ray.
+  int MovedSign(const Vec3d& p, const Vec3d& q) const;
   double ExactOrRoundedT(const Vec3d& a, const Vec3d& b, const Vec3d& c) const;
 
   /// Two rounded t, each within 1 ulp: whether their order is in doubt.
@@ -96,7 +110,7 @@ class ExactTest {
   Vec3d origin_low_;        // what rounding took away
   double origin_rounding_;  // bound on |origin_low_|, 0 when origin_ is exact
   bool trust_rounded_;  // false for rays so far from the mesh's scale that scaling them underflows
-  double low_, high_;  // the caller's interval in local lengths
+  double low_, high_;   // the caller's interval in local lengths
 };
 
 }  // namespace kdray::core

@@ -12,51 +12,18 @@
 #include "core/geometry/local_ray.h"
 #include "core/trace/double_double.h"
 #include "core/trace/dyadic.h"
+#include "tests/support/rationals.h"
 
 namespace kdray::core {
 namespace {
 
-// ---- The oracle: rational arithmetic throughout, on world coordinates, by solving for the plane
-// and then the weights. It shares no code with the test under test.
+using test::IsInInterval;
+using test::IsWithinOneUlp;
+using test::RationalHit;
+using test::TriangleCorners;
 
-struct Q3 {
-  mpq_class x, y, z;
-};
-Q3 ToQ(const Vec3d& v) { return {mpq_class(v.x), mpq_class(v.y), mpq_class(v.z)}; }
-Q3 operator-(const Q3& a, const Q3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-mpq_class Dot(const Q3& a, const Q3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Q3 Cross(const Q3& a, const Q3& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-
-struct Triangle {
-  std::array<Vec3d, 3> corners;  // world
-};
-
-std::optional<mpq_class> RationalHit(const Ray& ray, const Triangle& triangle) {
-  const Q3 a = ToQ(triangle.corners[0]), b = ToQ(triangle.corners[1]), c = ToQ(triangle.corners[2]);
-  const Q3 o = ToQ(ray.origin), d = ToQ(ray.direction);
-  const Q3 normal = Cross(b - a, c - a);
-  const mpq_class along = Dot(normal, d);
-  if (along == 0) return std::nullopt;
-  const mpq_class t = Dot(normal, a - o) / along;
-  const Q3 p{o.x + t * d.x, o.y + t * d.y, o.z + t * d.z};
-  for (const auto& [from, to] : {std::pair{a, b}, {b, c}, {c, a}}) {
-    if (Dot(normal, Cross(to - from, p - from)) < 0) return std::nullopt;
-  }
-  return t;
-}
-
-/// A rational rounded to the nearest double, by bisection over neighbours: slow and obvious.
-bool IsWithinOneUlp(double rounded, const mpq_class& exact) {
-  const double below = std::nextafter(rounded, -std::numeric_limits<double>::infinity());
-  const double above = std::nextafter(rounded, std::numeric_limits<double>::infinity());
-  return mpq_class(below) <= exact && exact <= mpq_class(above);
-}
-
-std::array<Vec3d, 3> Local(const Triangle& triangle, const MeshFrame& frame) {
-  return {frame.ToLocal(triangle.corners[0]), frame.ToLocal(triangle.corners[1]),
-          frame.ToLocal(triangle.corners[2])};
+TriangleCorners Local(const TriangleCorners& triangle, const MeshFrame& frame) {
+  return {frame.ToLocal(triangle[0]), frame.ToLocal(triangle[1]), frame.ToLocal(triangle[2])};
 }
 
 std::mt19937_64& Engine() {
@@ -73,7 +40,7 @@ struct Tally {
 };
 
 /// Holds one ray and two triangles against the oracle.
-void Check(const Ray& ray, const std::array<Triangle, 2>& triangles, const MeshFrame& frame,
+void Check(const Ray& ray, const std::array<TriangleCorners, 2>& triangles, const MeshFrame& frame,
            Tally* tally) {
   const auto local_ray = MakeLocalRay(ray, frame);
   ASSERT_TRUE(local_ray.has_value());
@@ -93,9 +60,7 @@ void Check(const Ray& ray, const std::array<Triangle, 2>& triangles, const MeshF
     ASSERT_GE(hits[id].u, 0);
     ASSERT_GE(hits[id].v, 0);
     ASSERT_LE(hits[id].u + hits[id].v, 1 + 1e-12);
-    const bool inside = *expected[id] >= mpq_class(ray.t_min) &&
-                        (std::isinf(ray.t_max) || *expected[id] <= mpq_class(ray.t_max));
-    ASSERT_EQ(test.IsInInterval(hits[id], id, corners_of), inside);
+    ASSERT_EQ(test.IsInInterval(hits[id], id, corners_of), IsInInterval(ray, *expected[id]));
   }
   if (!expected[0] || !expected[1]) return;
   const int order = cmp(*expected[0], *expected[1]);
@@ -110,8 +75,8 @@ TEST(ExactTest, AgreesWithRationalsOnSmallIntegersWhereMostCasesAreDegenerate) {
     const auto point = [] {
       return Vec3d{double(Int(-3, 3)), double(Int(-3, 3)), double(Int(-3, 3))};
     };
-    const std::array<Triangle, 2> triangles{Triangle{{point(), point(), point()}},
-                                            {{point(), point(), point()}}};
+    const std::array<TriangleCorners, 2> triangles{TriangleCorners{point(), point(), point()},
+                                                   {point(), point(), point()}};
     Ray ray;
     ray.origin = point();
     ray.direction = point() - ray.origin;
@@ -140,8 +105,8 @@ TEST(ExactTest, AgreesWithRationalsWhenAimedAtCornersAndEdgesOfRealTriangles) {
     };
     for (int i = 0; i < 2'000 && !testing::Test::HasFatalFailure(); ++i) {
       const Vec3d a = vertex(), b = vertex();
-      const std::array<Triangle, 2> triangles{Triangle{{a, b, vertex()}},
-                                              {{b, a, vertex()}}};  // they share an edge
+      const std::array<TriangleCorners, 2> triangles{TriangleCorners{a, b, vertex()},
+                                                     {b, a, vertex()}};  // they share an edge
       const double w = Int(0, 2) * 0.5;
       const Vec3d target = a * w + b * (1 - w);
       Ray ray;
@@ -159,13 +124,12 @@ TEST(ExactTest, AgreesWithRationalsForOriginsFarAway) {
   const MeshFrame frame{};
   for (int i = 0; i < 2'000 && !testing::Test::HasFatalFailure(); ++i) {
     const auto point = [] { return Vec3d{Real(-0.9, 0.9), Real(-0.9, 0.9), Real(-0.9, 0.9)}; };
-    const std::array<Triangle, 2> triangles{Triangle{{point(), point(), point()}},
-                                            {{point(), point(), point()}}};
+    const std::array<TriangleCorners, 2> triangles{TriangleCorners{point(), point(), point()},
+                                                   {point(), point(), point()}};
     const double distance = std::exp2(Real(3, 30));
     Ray ray;
     ray.direction = Vec3d{Real(-1, 1), Real(-1, 1), Real(-1, 1)};
-    ray.origin =
-        triangles[0].corners[static_cast<std::size_t>(Int(0, 2))] - ray.direction * distance;
+    ray.origin = triangles[0][static_cast<std::size_t>(Int(0, 2))] - ray.direction * distance;
     if (!MakeLocalRay(ray, frame)) continue;
     Check(ray, triangles, frame, &tally);
   }

@@ -1,0 +1,128 @@
+#include "core/trace/crossings.h"
+
+#include <algorithm>
+#include <cassert>
+#include <limits>
+#include <optional>
+#include <variant>
+
+#include "core/geometry/local_ray.h"
+#include "core/trace/exact_test.h"
+#include "core/trace/query.h"
+#include "core/trace/ray_chunks.h"
+
+namespace kdray::core {
+namespace {
+
+struct Crossing {
+  ExactTest::Hit hit;
+  PrimitiveId id;
+};
+
+/// Every crossing of one ray within the caller's interval, in order of id. Scratch is reused.
+template <class Structure, class CornersOf>
+void FindCrossings(const Structure& structure, const CornersOf& corners, const LocalRay& ray,
+                   const ExactTest& test, std::vector<Crossing>* crossings) {
+  crossings->clear();
+  structure.Traverse(
+      ray, test.pad(),
+      [&](std::span<const PrimitiveId> leaf) {
+        for (const PrimitiveId id : leaf) {
+          const auto [a, b, c] = corners(id);
+          ExactTest::Hit hit;
+          if (test.Test(a, b, c, &hit) && test.OwnsCrossing(a, b, c, hit) &&
+              test.IsInInterval(hit, id, corners)) {
+            crossings->push_back({hit, id});
+          }
+        }
+        return std::numeric_limits<double>::infinity();
+      },
+      [] {});
+  // A triangle stands in several leaves of a kd-tree.
+  std::sort(crossings->begin(), crossings->end(),
+            [](const Crossing& a, const Crossing& b) { return a.id < b.id; });
+  crossings->erase(std::unique(crossings->begin(), crossings->end(),
+                               [](const Crossing& a, const Crossing& b) { return a.id == b.id; }),
+                   crossings->end());
+}
+
+/// per_ray(i, test, corners, crossings) for every ray of the batch; a ray that misses the mesh's
+/// surroundings or cannot be is left out.
+template <class PerRay>
+Status ForEachRay(const Scene& scene, const RayBatch& rays, const CancelToken& cancel,
+                  const PerRay& per_ray) {
+  const auto with = [&](const auto& structure, const auto& corners) {
+    return ForEachChunk(rays.size(), cancel, [&](std::size_t first, std::size_t last) {
+      std::vector<Crossing> crossings;
+      for (std::size_t i = first; i < last; ++i) {
+        const Ray ray = rays[i];
+        if (!IsValid(ray)) continue;
+        const std::optional<LocalRay> local = MakeLocalRay(ray, scene.mesh->frame());
+        if (!local) continue;
+        const ExactTest test(*local);
+        FindCrossings(structure, corners, *local, test, &crossings);
+        per_ray(i, test, corners, crossings);
+      }
+    });
+  };
+  return std::visit(
+      [&](const auto& structure) {
+        return scene.mesh->VisitVertices([&]<class Stored>(std::span<const Vec3<Stored>> vertices) {
+          return with(structure, Corners<double, Stored>(vertices, scene.mesh->triangles()));
+        });
+      },
+      scene.tree->structure);
+}
+
+}  // namespace
+
+Status TraceCount(const Scene& scene, RayBatch rays, const CancelToken& cancel,
+                  std::span<std::uint32_t> counts) {
+  assert(counts.size() == rays.size());
+  std::fill(counts.begin(), counts.end(), 0u);
+  return ForEachRay(
+      scene, rays, cancel,
+      [&](std::size_t i, const ExactTest&, const auto&, const std::vector<Crossing>& crossings) {
+        counts[i] = static_cast<std::uint32_t>(crossings.size());
+      });
+}
+
+Result<Crossings> TraceAll(const Scene& scene, RayBatch rays, std::size_t max_hits,
+                           const CancelToken& cancel) {
+  // Each chunk fills its own list, so threads do not meet; the lists are joined in order.
+  std::vector<std::vector<Hit>> chunks((rays.size() + kChunkRays - 1) / kChunkRays);
+  std::vector<std::size_t> kept(rays.size());
+  std::vector<std::uint8_t> cut(rays.size());
+  const Status status =
+      ForEachRay(scene, rays, cancel,
+                 [&](std::size_t i, const ExactTest& test, const auto& corners,
+                     std::vector<Crossing>& crossings) {
+                   const auto is_closer = [&](const Crossing& a, const Crossing& b) {
+                     return test.IsCloser(a.hit, a.id, b.hit, b.id, corners);
+                   };
+                   kept[i] = std::min(max_hits, crossings.size());
+                   cut[i] = crossings.size() > max_hits;
+                   const auto end = crossings.begin() + static_cast<std::ptrdiff_t>(kept[i]);
+                   std::partial_sort(crossings.begin(), end, crossings.end(), is_closer);
+                   std::vector<Hit>& hits = chunks[i / kChunkRays];
+                   for (auto c = crossings.begin(); c != end; ++c)
+                     hits.push_back({test.CallerT(c->hit), c->hit.u, c->hit.v, c->id});
+                 });
+  if (!status.ok()) return status.error();
+
+  Crossings all;
+  all.first.reserve(rays.size() + 1);
+  all.first.push_back(0);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    all.first.push_back(all.first.back() + kept[i]);
+    if (cut[i] != 0) all.truncated.push_back(i);
+  }
+  all.hits.reserve(all.first.back());
+  for (std::vector<Hit>& hits : chunks) {
+    all.hits.insert(all.hits.end(), hits.begin(), hits.end());
+    hits = {};
+  }
+  return all;
+}
+
+}  // namespace kdray::core

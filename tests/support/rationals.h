@@ -1,0 +1,43 @@
+// The oracle of the precision `exact`: rays and triangles in rational numbers throughout, by
+// solving for the plane and then the weights, on world coordinates. It shares nothing with what it
+// judges and is as slow as it is obvious.
+#pragma once
+
+#include <gmpxx.h>
+
+#include <array>
+#include <optional>
+
+#include "core/geometry/hit.h"
+#include "core/geometry/ray.h"
+#include "core/geometry/triangle_mesh.h"
+
+namespace kdray::test {
+
+using TriangleCorners = std::array<core::Vec3d, 3>;  // world
+
+TriangleCorners CornersOf(const core::MeshData& data, core::PrimitiveId id);
+
+/// Where the ray's whole line meets the closed triangle; nothing when it misses, or is parallel to
+/// the triangle's plane.
+std::optional<mpq_class> RationalHit(const core::Ray& ray, const TriangleCorners& triangle);
+
+/// Whether t lies in [t_min, t_max].
+bool IsInInterval(const core::Ray& ray, const mpq_class& t);
+
+struct RationalClosestHit {
+  core::PrimitiveId primitive_id = core::kNoPrimitive;
+  mpq_class t;  ///< of a hit
+};
+/// Smallest t, then smallest id, over all triangles.
+RationalClosestHit RationalClosest(const core::MeshData& data, const core::Ray& ray);
+
+/// Triangles that the ray crosses once its origin is moved by (e, e^2, e^3), with the t of the ray
+/// as given. For e so small that the moved ray passes every edge on the side that an infinitely
+/// small e would; asserts that it meets none.
+std::size_t RationalCrossings(const core::MeshData& data, const core::Ray& ray, const mpq_class& e);
+
+/// Whether `rounded` is `exact` or one of the two doubles around it.
+bool IsWithinOneUlp(double rounded, const mpq_class& exact);
+
+}  // namespace kdray::test
