@@ -200,8 +200,8 @@ bool WatertightTest<T>::Test(const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& 
   }
   const double inverse_sum = 1.0 / SymmetricSum(w.a, w.b, w.c);
   hit->s = SymmetricSum(w.a * Along(a), w.b * Along(b), w.c * Along(c)) * inverse_sum;
-  hit->u = w.b * inverse_sum;
-  hit->v = w.c * inverse_sum;
+  hit->u = w.b * inverse_sum + 0.0;  // -0 becomes 0
+  hit->v = w.c * inverse_sum + 0.0;
   return std::isfinite(hit->s);
 }
 
@@ -226,7 +226,7 @@ inline bool FastTest::Test(const Vec3f& a, const Vec3f& b, const Vec3f& c, LeafH
   if (!(MaxAbs(gap) <= kTolerance)) {
     return WatertightTest<double>(ray()).Test(Vec3d(a), Vec3d(b), Vec3d(c), hit);
   }
-  *hit = {static_cast<double>(s), static_cast<double>(u), static_cast<double>(v)};
+  *hit = {static_cast<double>(s), static_cast<double>(u) + 0.0, static_cast<double>(v) + 0.0};
   return true;
 }
 
