@@ -15,9 +15,9 @@
 
 namespace kdray::core {
 
-/// How much a subtree may grow to. A leaf weighs its triangles, an empty one as much as one
-/// triangle, so that nodes are bounded too. Every split divides its node's budget between the
-/// children in proportion to their weight: a shared counter would make the tree depend on which
+/// How much a subtree may grow to. A leaf weighs its triangles, a small one kLeafWeight
+/// (KdBuildLimits), so that nodes are bounded too. Every split divides its node's budget between
+/// the children in proportion to their weight: a shared counter would make the tree depend on which
 /// thread comes first.
 class WeightBudget {
  public:
@@ -49,7 +49,7 @@ class WeightBudget {
 
  private:
   static std::uint64_t WeightOf(std::size_t references) {
-    return std::max<std::uint64_t>(1, references);
+    return std::max<std::uint64_t>(KdBuildLimits::kLeafWeight, references);
   }
 
   std::uint64_t weight_;

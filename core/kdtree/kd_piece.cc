@@ -25,6 +25,8 @@ void AppendPiece(KdPiece piece, KdTree* tree) {
             ? KdNode::Leaf(first_primitive + node.first_primitive(), node.primitive_count())
             : KdNode::Interior(node.axis(), node.split(), first_node + node.above_child()));
   }
+  tree->node_bounds.insert(tree->node_bounds.end(), piece.node_bounds.begin(),
+                           piece.node_bounds.end());
   tree->primitives.insert(tree->primitives.end(), piece.primitives.begin(), piece.primitives.end());
 }
 
@@ -35,10 +37,15 @@ void Append(KdUpperNode* node, KdTree* tree) {
   }
   const std::size_t interior = tree->nodes.size();
   tree->nodes.emplace_back();
+  tree->node_bounds.emplace_back();
   Append(node->below.get(), tree);
-  tree->nodes[interior] = KdNode::Interior(node->plane.axis, node->plane.position,
-                                           static_cast<std::uint32_t>(tree->nodes.size()));
+  const std::size_t above = tree->nodes.size();
+  tree->nodes[interior] =
+      KdNode::Interior(node->plane.axis, node->plane.position, static_cast<std::uint32_t>(above));
   Append(node->above.get(), tree);
+  Bounds3f bounds = tree->node_bounds[interior + 1];
+  bounds.Extend(tree->node_bounds[above]);
+  tree->node_bounds[interior] = bounds;
 }
 
 }  // namespace
@@ -46,8 +53,10 @@ void Append(KdUpperNode* node, KdTree* tree) {
 void Assemble(KdUpperNode* root, KdTree* tree) {
   const Size size = Measure(*root);
   tree->nodes.clear();
+  tree->node_bounds.clear();
   tree->primitives.clear();
   tree->nodes.reserve(size.nodes);
+  tree->node_bounds.reserve(size.nodes);
   tree->primitives.reserve(size.primitives);
   Append(root, tree);
 }

@@ -17,15 +17,18 @@ namespace kdray::core {
 /// A subtree in the layout of KdTree, with positions that count from its own beginning.
 struct KdPiece {
   std::vector<KdNode> nodes;
+  std::vector<Bounds3f> node_bounds;
   std::vector<PrimitiveId> primitives;
 
   void Clear() {
     nodes.clear();
+    node_bounds.clear();
     primitives.clear();
   }
-  /// Interior nodes are written before their children, so the above child is filled in later.
+  /// Interior nodes are written before their children, so the rest is filled in later.
   std::size_t BeginInterior() {
     nodes.emplace_back();
+    node_bounds.emplace_back();
     return nodes.size() - 1;
   }
   /// To be called between the children: the next node is the above child.
@@ -33,10 +36,17 @@ struct KdPiece {
     nodes[interior] =
         KdNode::Interior(plane.axis, plane.position, static_cast<std::uint32_t>(nodes.size()));
   }
-  /// The next `count` primitives that are pushed make a leaf.
-  void BeginLeaf(std::size_t count) {
-    nodes.push_back(KdNode::Leaf(static_cast<std::uint32_t>(primitives.size()),
+  /// To be called when both children are there.
+  void EndInterior(std::size_t interior) {
+    Bounds3f bounds = node_bounds[interior + 1];
+    bounds.Extend(node_bounds[nodes[interior].above_child()]);
+    node_bounds[interior] = bounds;
+  }
+  /// The last `count` primitives that were pushed make a leaf.
+  void EndLeaf(std::size_t count, const Bounds3f& bounds) {
+    nodes.push_back(KdNode::Leaf(static_cast<std::uint32_t>(primitives.size() - count),
                                  static_cast<std::uint32_t>(count)));
+    node_bounds.push_back(bounds);
   }
 };
 
@@ -47,7 +57,7 @@ struct KdUpperNode {
   KdPiece piece;                              ///< when there are none
 };
 
-/// Puts the pieces together, depth first, into tree->nodes and tree->primitives, and frees each.
+/// Puts the pieces together, depth first, into *tree, and frees each.
 void Assemble(KdUpperNode* root, KdTree* tree);
 
 }  // namespace kdray::core

@@ -19,6 +19,7 @@ KdPiece KdSubtreeBuilder::Build(std::span<const Reference> references, const KdB
   std::copy(references.begin(), references.end(), Push(references.size()));
   BuildNode(references.size(), task);
   return {{piece_.nodes.begin(), piece_.nodes.end()},
+          {piece_.node_bounds.begin(), piece_.node_bounds.end()},
           {piece_.primitives.begin(), piece_.primitives.end()}};
 }
 
@@ -71,13 +72,12 @@ void KdSubtreeBuilder::BuildNode(std::size_t count, const KdBuildTask& task) {
   BuildNode(counts.below, below);
   piece_.EndBelow(interior, split->plane);
   BuildNode(counts.above, above);
+  piece_.EndInterior(interior);
 }
 
-// Here a node's clipped bounds are at hand: the union of these for a leaf, of its children's for an
-// interior node. A structure that wants them collects them in this place.
 void KdSubtreeBuilder::EmitLeaf(std::span<const Reference> references, const KdBuildTask& task) {
-  piece_.BeginLeaf(references.size());
   for (const Reference& reference : references) piece_.primitives.push_back(reference.id);
+  piece_.EndLeaf(references.size(), UnionBounds(references));
   context_.monitor.AddDone(task.share);
 }
 

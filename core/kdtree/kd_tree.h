@@ -28,8 +28,16 @@ struct KdTree {
   std::vector<KdNode> nodes;  ///< depth first; [0] is the root; never empty
   std::vector<PrimitiveId> primitives;  ///< the leaves' triangles
 
+  /// For each node what its part of the triangles fills: the union, over the leaves below, of the
+  /// bounds of each triangle clipped to the leaf's cell; empty where there is none. Every common
+  /// point of a triangle and a leaf's closed cell that names it lies in the bounds of the leaf and
+  /// of all nodes above it. What a cell is culled by when tighter boxes than the cell are wanted.
+  /// Not stored on disk; may be dropped (then empty).
+  std::vector<Bounds3f> node_bounds;
+
   std::uint64_t bytes() const {
-    return nodes.size() * sizeof(KdNode) + primitives.size() * sizeof(PrimitiveId);
+    return nodes.size() * sizeof(KdNode) + node_bounds.size() * sizeof(Bounds3f) +
+           primitives.size() * sizeof(PrimitiveId);
   }
 
   /// Walks the leaves that the fat ray meets, front to back. visit(span<const PrimitiveId>) tests a

@@ -51,10 +51,10 @@ class KdTreeBuilder {
     std::optional<SplitCandidate> split;
     if (!monitor_.ShouldStop()) split = KdSubtreeBuilder(context_).FindSplit(references, task);
     if (!split || !task.budget.AllowsAtTop(split->below, split->above)) {
-      node->piece.BeginLeaf(references.size());
       for (const Reference& reference : references) {
         node->piece.primitives.push_back(reference.id);
       }
+      node->piece.EndLeaf(references.size(), UnionBounds(references));
       monitor_.AddDone(task.share);
       return;
     }

@@ -25,8 +25,10 @@ struct KdBuildLimits {
   /// The deepest leaf allowed: 8 + 1.6 log2(triangles), at most KdTree::kMaxDepth. Source: Havran
   /// 2000 for the form; the constants are measured (DESIGN.md).
   static int MaxDepth(std::size_t triangles);
-  /// References over all leaves, empty leaves counting as one, for each triangle of the mesh.
+  /// References over all leaves for each triangle of the mesh; a leaf with fewer references than
+  /// kLeafWeight counts as that many, so that nodes are bounded too.
   static constexpr std::uint64_t kWeightPerTriangle = 8;
+  static constexpr std::uint64_t kLeafWeight = 4;
   /// A node with no more references is built by one thread. Part of the result, like the others:
   /// the budget's rule is stricter above (WeightBudget::AllowsAtTop).
   static constexpr std::size_t kTopReferences = 16384;

@@ -72,6 +72,7 @@ void SweepBuilder::BuildNode(std::size_t triangles, const Counts& events, const 
   piece_->EndBelow(interior, split->plane);
   BuildNode(counts.above, above_events, above);
   slots_.resize(slots_before);
+  piece_->EndInterior(interior);
 }
 
 std::span<const SplitEvent> SweepBuilder::TopEvents(int axis, const Counts& counts) const {
@@ -79,14 +80,15 @@ std::span<const SplitEvent> SweepBuilder::TopEvents(int axis, const Counts& coun
   return std::span(events_[a]).last(counts[a]);
 }
 
-// The clipped bounds of the leaf's references are in their slots, for structures that want the
-// bounds of every node.
 void SweepBuilder::EmitLeaf(std::size_t triangles, const Counts& events, const KdBuildTask& task) {
-  piece_->BeginLeaf(triangles);
+  Bounds3f bounds = Bounds3f::Empty();
   for (const SplitEvent& event : TopEvents(0, events)) {
     if (event.kind() == SplitEvent::Kind::kEnd) continue;
-    piece_->primitives.push_back(slots_[event.slot()].id);
+    const Reference& reference = slots_[event.slot()];
+    bounds.Extend(reference.bounds);
+    piece_->primitives.push_back(reference.id);
   }
+  piece_->EndLeaf(triangles, bounds);
   context_.monitor.AddDone(task.share);
 }
 

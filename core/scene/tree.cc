@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <thread>
+#include <type_traits>
 #include <utility>
 
 #include "core/box/box_list_builder.h"
@@ -19,6 +20,8 @@ namespace {
 template <class Structure>
 Result<Tree> WithStats(BuildKind kind, Result<Structure> structure, const SahCost& cost) {
   if (!structure.ok()) return std::move(structure).error();
+  // Nothing here wants the nodes' bounds, and they are most of a kd-tree's memory.
+  if constexpr (std::is_same_v<Structure, KdTree>) structure->node_bounds = {};
   Tree tree{kind, std::move(*structure), {}};
   tree.stats = ComputeStats(std::get<Structure>(tree.structure), cost);
   return tree;
@@ -27,7 +30,7 @@ Result<Tree> WithStats(BuildKind kind, Result<Structure> structure, const SahCos
 }  // namespace
 
 Result<Tree> BuildTree(const TriangleMesh& mesh, BuildKind kind, const BuildOptions& options) {
-  const SahCost cost;
+  const SahCost cost = SahCost::For(mesh.triangle_count());
   const auto kd_tree = [&](KdSplitRule rule) {
     return WithStats(kind, BuildKdTree(mesh, rule, cost, options), cost);
   };
@@ -70,8 +73,10 @@ std::uint64_t EstimateBuildBytes(std::size_t triangle_count, BuildKind kind) {
   }
 
   constexpr std::uint64_t kWeight = KdBuildLimits::kWeightPerTriangle;
-  // A unit of weight in a finished subtree: at worst a leaf with one triangle, and its parent.
-  constexpr std::uint64_t kFinished = 2 * sizeof(KdNode) + sizeof(PrimitiveId);
+  // A unit of weight in a finished subtree: at worst leaves as small as their weight allows, and
+  // their parents.
+  constexpr std::uint64_t kFinished =
+      2 * (sizeof(KdNode) + sizeof(Bounds3f)) / KdBuildLimits::kLeafWeight + sizeof(PrimitiveId);
   // In a large node at most 3/8 of the weight are references; they are there twice while they are
   // handed to the children. kd-cyclic sorts four lists of floats.
   constexpr std::uint64_t kLarge = kWeight * 3 / 8 * (2 * sizeof(Reference) + 4 * sizeof(float));

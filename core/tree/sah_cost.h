@@ -5,20 +5,31 @@
 
 namespace kdray::core {
 
-/// The cost model of the SAH builds; unit: one traversal step. Source: MacDonald and Booth,
+/// The cost model of the SAH builds; unit: one traversal step. A leaf is tested in blocks of
+/// triangles, so a block that is begun costs as much as a full one. Source: MacDonald and Booth,
 /// "Heuristics for ray tracing using space subdivision", 1990; Wald and Havran, "On building fast
 /// kd-Trees for Ray Tracing, and on doing that in O(N log N)", 2006, section 3.
 struct SahCost {
-  double traversal = 1;  ///< of an interior node; larger: fewer, fuller leaves
-  /// Of a triangle; larger: more, emptier leaves and more memory. Less than a step, since a step
-  /// waits for memory more often: from 0.4 to 2.5 rays are equally fast, but the tree of the bunny
-  /// (69,451 triangles) takes 26 to 66 bytes a triangle.
-  double intersection = 0.7;
+  static constexpr std::size_t kBlock = 8;  ///< triangles that are tested at once
+
+  double traversal = 1;      ///< of an interior node; larger: fewer, fuller leaves
+  double intersection = 4;   ///< of a block; larger: more, emptier leaves and more memory
   double empty_bonus = 0.8;  ///< factor for a split that leaves one side empty, <= 1; smaller:
                              ///< empty space is cut off earlier
 
+  /// The constants for a mesh of that size. Measured (DESIGN.md): a large mesh does not fit the
+  /// caches, so there memory weighs more than tests saved.
+  static SahCost For(std::size_t triangles) {
+    constexpr std::size_t kLargeMesh = 200'000;
+    SahCost cost;
+    if (triangles > kLargeMesh) cost.intersection = 2;
+    return cost;
+  }
+
   /// A leaf with so many triangles.
-  double Leaf(std::size_t triangles) const { return intersection * static_cast<double>(triangles); }
+  double Leaf(std::size_t triangles) const {
+    return intersection * static_cast<double>((triangles + kBlock - 1) / kBlock);
+  }
 
   /// A node whose children are leaves. A ray through the node meets each child with the given
   /// probability.

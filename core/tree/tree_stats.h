@@ -18,8 +18,8 @@ struct TreeStats {
   std::uint64_t bytes = 0;  ///< memory of the tree without vertices and indices
   double sah_cost =
       0;  ///< expected cost of a random ray that crosses the bounds, in traversal steps
-  double traversal_cost = 0;  ///< the model's constants that sah_cost was made with
-  double intersection_cost = 0;
+  double traversal_cost = 0;     ///< the model's constants that sah_cost was made with (SahCost)
+  double intersection_cost = 0;  ///< of a block of up to SahCost::kBlock triangles
   friend bool operator==(const TreeStats&, const TreeStats&) = default;
 };
 

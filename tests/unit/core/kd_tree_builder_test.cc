@@ -15,6 +15,7 @@
 #include "core/kdtree/kd_tree_stats.h"
 #include "core/kdtree/split.h"
 #include "tests/support/shapes.h"
+#include "tests/unit/core/tree_checks.h"
 
 namespace kdray::test {
 namespace {
@@ -79,7 +80,7 @@ TEST(KdTreeBuilder, StaysWithinItsLimits) {
           ASSERT_TRUE((SplitPlane{node.axis(), node.split()}.IsInside(cell)));
           return;
         }
-        weight += std::max(1u, node.primitive_count());
+        weight += std::max<std::uint64_t>(KdBuildLimits::kLeafWeight, node.primitive_count());
         const auto leaf =
             std::span(tree.primitives).subspan(node.first_primitive(), node.primitive_count());
         const std::set<PrimitiveId> distinct(leaf.begin(), leaf.end());
@@ -87,6 +88,32 @@ TEST(KdTreeBuilder, StaysWithinItsLimits) {
       });
       EXPECT_LE(depth_reached, KdBuildLimits::MaxDepth(triangles));
       EXPECT_LE(weight, KdBuildLimits::kWeightPerTriangle * triangles);
+    }
+  }
+}
+
+TEST(KdTreeBuilder, BoundsEveryNodeByWhatItsLeavesHold) {
+  for (const auto& [name, data] : Meshes()) {
+    const TriangleMesh mesh = Mesh(data);
+    for (const KdSplitRule rule : kAllRules) {
+      SCOPED_TRACE(name + ", rule " + std::to_string(static_cast<int>(rule)));
+      const KdTree tree = Build(mesh, rule);
+      ASSERT_EQ(tree.node_bounds.size(), tree.nodes.size());
+      CheckReachability(tree, mesh);
+      Walk(tree, 0, tree.bounds, 0, [&](const KdNode& node, const Bounds3f& cell, int) {
+        const std::size_t i = static_cast<std::size_t>(&node - tree.nodes.data());
+        const Bounds3f& bounds = tree.node_bounds[i];
+        if (!node.IsLeaf()) {
+          Bounds3f both = tree.node_bounds[i + 1];
+          both.Extend(tree.node_bounds[node.above_child()]);
+          ASSERT_EQ(bounds, both);
+        } else if (node.primitive_count() == 0) {
+          ASSERT_EQ(bounds, Bounds3f::Empty());
+        } else {
+          ASSERT_FALSE(bounds.IsEmpty());
+          ASSERT_EQ(Intersection(bounds, cell), bounds);
+        }
+      });
     }
   }
 }
@@ -208,16 +235,16 @@ TEST(WeightBudget, IsDividedInProportionAndWithoutLoss) {
   const WeightBudget budget(100);
   EXPECT_TRUE(budget.Allows(60, 40));
   EXPECT_FALSE(budget.Allows(60, 41));
-  EXPECT_TRUE(budget.Allows(99, 0));
-  EXPECT_FALSE(budget.Allows(100, 0));  // an empty leaf weighs something too
+  EXPECT_TRUE(budget.Allows(96, 0));
+  EXPECT_FALSE(budget.Allows(97, 0));  // an empty leaf weighs something too
   EXPECT_TRUE(budget.AllowsAtTop(18, 18));
   EXPECT_FALSE(budget.AllowsAtTop(18, 19));
 
   const auto [below, above] = budget.Divide(30, 10);
-  EXPECT_TRUE(below.Allows(74, 1));
-  EXPECT_FALSE(below.Allows(75, 1));
-  EXPECT_TRUE(above.Allows(24, 1));
-  EXPECT_FALSE(above.Allows(25, 1));
+  EXPECT_TRUE(below.Allows(71, 4));
+  EXPECT_FALSE(below.Allows(72, 4));
+  EXPECT_TRUE(above.Allows(21, 4));
+  EXPECT_FALSE(above.Allows(22, 4));
 }
 
 // The deepest tree there may be: each plane has one more level below it.

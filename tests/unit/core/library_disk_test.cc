@@ -489,7 +489,7 @@ TEST_F(StoreLimitTest, DerivedFilesGoBeforeAnyMeshAndTheLeastRecentlyUsedFirst) 
 }
 
 TEST_F(StoreLimitTest, ThenWholeMeshesGoTheLeastRecentlyUsedFirst) {
-  options_.store_limit_bytes = 3 * mesh_ + mesh_ / 2;
+  options_.store_limit_bytes = 3 * mesh_ + mesh_ / 8;
   Open();
   Fill(3);
   EXPECT_EQ(library_->counters().trees, 3u);

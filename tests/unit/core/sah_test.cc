@@ -12,22 +12,29 @@ using core::SplitCandidate;
 using core::SplitProbability;
 using core::SplitSearch;
 
-TEST(SahCost, OfALeafGrowsWithItsTriangles) {
+TEST(SahCost, OfALeafGrowsWithItsBlocks) {
   const SahCost cost{1, 1.5, 0.8};
   EXPECT_EQ(cost.Leaf(0), 0);
   EXPECT_EQ(cost.Leaf(1), 1.5);
-  EXPECT_EQ(cost.Leaf(10), 15);
+  EXPECT_EQ(cost.Leaf(8), 1.5);
+  EXPECT_EQ(cost.Leaf(9), 3);
+  EXPECT_EQ(cost.Leaf(80), 15);
+}
+
+TEST(SahCost, ChargesLessForTheBlocksOfLargeMeshes) {
+  EXPECT_EQ(SahCost::For(200'000).intersection, 4);
+  EXPECT_EQ(SahCost::For(200'001).intersection, 2);
 }
 
 TEST(SahCost, OfASplitWeighsTheChildrenByProbability) {
   const SahCost cost{1, 2, 0.5};
-  EXPECT_EQ(cost.Split(0.5, 3, 0.75, 4), 1 + 0.5 * 6 + 0.75 * 8);
+  EXPECT_EQ(cost.Split(0.5, 24, 0.75, 32), 1 + 0.5 * 6 + 0.75 * 8);
 }
 
 TEST(SahCost, RewardsCuttingOffEmptySpace) {
   const SahCost cost{1, 2, 0.5};
-  EXPECT_EQ(cost.Split(0.5, 0, 0.75, 4), 0.5 * (1 + 0.75 * 8));
-  EXPECT_EQ(cost.Split(0.5, 4, 0.75, 0), 0.5 * (1 + 0.5 * 8));
+  EXPECT_EQ(cost.Split(0.5, 0, 0.75, 32), 0.5 * (1 + 0.75 * 8));
+  EXPECT_EQ(cost.Split(0.5, 32, 0.75, 0), 0.5 * (1 + 0.5 * 8));
 }
 
 TEST(SplitProbability, IsTheRatioOfSurfaceAreas) {
@@ -56,9 +63,9 @@ TEST(SplitProbability, HoldsForFlatAndForTinyCells) {
 TEST(SplitSearch, FindsNothingThatCostsAsMuchAsALeaf) {
   const SahCost cost{1, 1, 1};
   const Bounds3f cell{{0, 0, 0}, {1, 1, 1}};
-  SplitSearch search(cost, cell, 4);
+  SplitSearch search(cost, cell, 32);
   SplitSearch::Axis axis(&search, 0);
-  axis.Consider(0.5f, 3, 0, 3);  // 1 + 2/3 * 6 = 5 > 4
+  axis.Consider(0.5f, 24, 0, 24);  // 1 + 2/3 * 6 = 5 > 4
   EXPECT_FALSE(search.best());
 }
 
@@ -76,7 +83,7 @@ TEST(SplitSearch, KeepsTheCheapestAndTheFirstOfEquals) {
   EXPECT_EQ(search.best()->plane, (core::SplitPlane{0, 0.5f}));
   EXPECT_EQ(search.best()->below, 40u);
   EXPECT_EQ(search.best()->above, 40u);
-  EXPECT_DOUBLE_EQ(search.best()->cost, 1 + 2.0 / 3 * 80);
+  EXPECT_DOUBLE_EQ(search.best()->cost, 1 + 2.0 / 3 * 10);
 }
 
 TEST(SplitSearch, PutsPlanarTrianglesOnTheCheaperSide) {

@@ -65,6 +65,7 @@ bool Holds(std::span<const PrimitiveId> leaf, PrimitiveId id) {
 
 bool Reaches(const core::KdTree& tree, std::uint32_t index, const Sample& sample, PrimitiveId id) {
   const KdNode& node = tree.nodes[index];
+  if (!tree.node_bounds.empty() && !Contains(tree.node_bounds[index], sample)) return false;
   if (node.IsLeaf()) {
     return Holds(std::span(tree.primitives).subspan(node.first_primitive(), node.primitive_count()),
                  id);

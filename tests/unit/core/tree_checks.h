@@ -9,7 +9,8 @@
 namespace kdray::test {
 
 /// Expects, for corners, edge midpoints and random points of every triangle that is not degenerate,
-/// a leaf that refers to the triangle and whose closed cell contains the point.
+/// a leaf that refers to the triangle and whose closed cell contains the point, as do the bounds of
+/// all nodes on the way, where they are kept.
 void CheckReachability(const core::KdTree& tree, const core::TriangleMesh& mesh);
 void CheckReachability(const core::Bvh& tree, const core::TriangleMesh& mesh);
 void CheckReachability(const core::BoxList& tree, const core::TriangleMesh& mesh);

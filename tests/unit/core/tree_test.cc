@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
 #include <memory>
 #include <string>
@@ -131,8 +132,8 @@ TEST(BuildTree, CountsWhatIsThere) {
           double cost = 0;
           for (const core::TreeCell& leaf : leaves) {
             core::CountLeaf(leaf.triangles, leaf.depth, &recount);
-            cost += leaf.bounds.SurfaceArea() * stats.intersection_cost *
-                    static_cast<double>(leaf.triangles);
+            const double blocks = std::ceil(static_cast<double>(leaf.triangles) / 8);
+            cost += leaf.bounds.SurfaceArea() * stats.intersection_cost * blocks;
           }
           // Every interior node once: cells that are no leaf, depth by depth.
           std::uint64_t interior = 0;
