@@ -96,23 +96,6 @@ TEST(N07, AxisParallelRaysThroughVerticesAgreeWithBruteForce) {
   }
 }
 
-TEST(N07, AxisParallelRaysFromInsideAClosedMeshDoNotLeak) {
-  auto engine = RandomEngine(8);
-  const MeshData data = RoundToFloat(UvSphere({0, 0, 0}, 1, 32, 64));
-  const Scene scene = MakeScene(data, BuildKind::kKdSah);
-  std::vector<Ray> rays;
-  while (rays.size() < 100'000) {
-    Ray ray = AxisParallelRays(data, 1, engine)[0];
-    if (Length(ray.origin) < 0.9) rays.push_back(ray);
-  }
-  for (const Precision precision :
-       {Precision::kWatertight, Precision::kDouble, Precision::kExact}) {
-    std::vector<std::uint8_t> occluded(rays.size());
-    ASSERT_TRUE(TraceAny(scene, std::span<const Ray>(rays), {precision, {}}, occluded).ok());
-    EXPECT_EQ(std::count(occluded.begin(), occluded.end(), 0), 0) << Name(precision);
-  }
-}
-
 TEST(N08, OriginsOnPlanesFacesVerticesAndTrianglesAgreeWithBruteForce) {
   auto engine = RandomEngine(9);
   const MeshData data = RoundToFloat(BumpySphere({0, 0, 0}, 1, 10, 16, 0.3));

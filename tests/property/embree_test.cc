@@ -107,7 +107,7 @@ struct Differences {
 Differences Compare(const EmbreeScene& embree, const Scene& scene, const std::vector<RayF>& rays,
                     Precision precision) {
   std::vector<Hit> hits(rays.size());
-  EXPECT_TRUE(TraceClosest(scene, std::span<const RayF>(rays), {precision, {}}, hits).ok());
+  EXPECT_TRUE(TraceClosest(scene, std::span<const RayF>(rays), With(precision), hits).ok());
   Differences differences;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const double t = embree.Closest(rays[i]);

@@ -1,10 +1,14 @@
-// N01, N02: a ray from strictly inside a closed mesh must hit it, wherever it is aimed. No
-// arithmetic is needed to know the answer.
+// N01 to N04, N07, N15: a ray from strictly inside a closed mesh must hit it, wherever it is aimed,
+// whatever the mesh's size and place; and so must one from far away through a point inside. No
+// arithmetic is needed to know the answer. t is held against that of `exact`.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 
 #include "core/trace/trace.h"
+#include "tests/property/aimed_run.h"
+#include "tests/property/closed_meshes.h"
 #include "tests/property/scenes.h"
 #include "tests/support/mesh_files.h"
 #include "tests/support/seed.h"
@@ -15,83 +19,108 @@ namespace {
 
 using namespace core;
 
-constexpr std::size_t kRays = 100'000;  // for each mesh and precision
+/// A family's rays on generated meshes, and as many again on the collection.
+std::size_t RaysOfAFamily() { return static_cast<std::size_t>(100'000 * RaysFactor()); }
 
-std::size_t Leaks(const Scene& scene, const std::vector<Ray>& rays, Precision precision) {
-  std::vector<Hit> hits(rays.size());
-  EXPECT_TRUE(TraceClosest(scene, std::span<const Ray>(rays), {precision, {}}, hits).ok());
-  std::size_t leaks = 0;
-  for (const Hit& hit : hits) leaks += hit.IsHit() ? 0 : 1;
-  return leaks;
+void RunOnGenerated(const char* name, const RayFamily& family, std::vector<ClosedMesh> meshes,
+                    std::uint64_t stream) {
+  auto engine = RandomEngine(stream);
+  std::size_t left = RaysOfAFamily();
+  for (std::size_t i = 0; i < meshes.size(); ++i) {
+    const AimedRun run = RunAimed(meshes[i], family, left / (meshes.size() - i), engine);
+    left -= run.rays;
+    if (run.rays != 0) ExpectTight(name, meshes[i].name, run);
+  }
 }
 
-void ExpectNoLeaks(const std::string& name, const Scene& scene, const std::vector<Ray>& rays) {
-  EXPECT_EQ(Leaks(scene, rays, Precision::kWatertight), 0u) << name << ", of " << rays.size();
-  EXPECT_EQ(Leaks(scene, rays, Precision::kDouble), 0u) << name << ", of " << rays.size();
-  // Every one of these rays is degenerate, which `exact` decides with long integers: fewer do.
-  const std::vector<Ray> some(rays.begin(),
-                              rays.begin() + static_cast<std::ptrdiff_t>(rays.size() / 10));
-  EXPECT_EQ(Leaks(scene, some, Precision::kExact), 0u) << name << ", of " << some.size();
-  // `fast` promises nothing here; its rate is printed, as the documentation tells it.
-  std::printf("%s: fast leaks %zu of %zu\n", name.c_str(), Leaks(scene, rays, Precision::kFast),
-              rays.size());
-}
-
-struct ClosedMesh {
-  std::string name;
-  MeshData data;
-  Vec3d inside;
-};
-
-std::vector<ClosedMesh> GeneratedMeshes() {
-  const Vec3d far{148'376, 1'234, -223'423};
-  return {
-      {"sphere", RoundToFloat(UvSphere({0, 0, 0}, 1, 48, 96)), {0.01, 0.02, 0.03}},
-      {"bumpy sphere",
-       RoundToFloat(BumpySphere({0.3, -0.2, 0.1}, 1, 60, 120, 0.3)),
-       {0.31, -0.21, 0.12}},
-      {"icosphere", RoundToFloat(IcoSphere({0, 0, 0}, 1, 5)), {0.1, 0.2, -0.1}},
-      {"cube", Cube({0, 0, 0}, 1), {0.125, 0.25, -0.5}},
-      {"sphere far from the origin", RoundToFloat(UvSphere(far, 2, 24, 48)),
-       far + Vec3d{0.1, 0.2, 0.3}},
-  };
+void RunOnCollection(const char* name, const RayFamily& family, std::uint64_t stream) {
+  auto engine = RandomEngine(stream);
+  std::size_t left = RaysOfAFamily();
+  const std::vector<std::string> files = ClosedCollectionFiles();
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    const ClosedMesh mesh = MakeClosedMesh(files[i], ReadCollectionMesh(files[i]));
+    const AimedRun run = RunAimed(mesh, family, left / (files.size() - i), engine);
+    left -= run.rays;
+    if (run.rays != 0) ExpectTight(name, files[i], run);
+  }
 }
 
 TEST(N01, RaysAtVerticesOfClosedMeshesDoNotLeak) {
-  for (const ClosedMesh& mesh : GeneratedMeshes()) {
-    ExpectNoLeaks(mesh.name, MakeScene(mesh.data, BuildKind::kKdSah),
-                  RaysAtVertices(mesh.data, mesh.inside, kRays));
-  }
+  RunOnGenerated("N01 vertices", VertexRays, GeneratedClosedMeshes(), 101);
+}
+TEST(N01, RaysAtVerticesOfTheCollectionsClosedMeshesDoNotLeak) {
+  KDRAY_NEED_MESHES();
+  RunOnCollection("N01 vertices", VertexRays, 102);
 }
 
 TEST(N02, RaysAtEdgesOfClosedMeshesDoNotLeak) {
-  auto engine = RandomEngine(2);
-  for (const ClosedMesh& mesh : GeneratedMeshes()) {
-    ExpectNoLeaks(mesh.name, MakeScene(mesh.data, BuildKind::kKdSah),
-                  RaysOnEdges(mesh.data, mesh.inside, kRays, engine));
-  }
+  RunOnGenerated("N02 edges", EdgeRays, GeneratedClosedMeshes(), 103);
+}
+TEST(N02, RaysAtEdgesOfTheCollectionsClosedMeshesDoNotLeak) {
+  KDRAY_NEED_MESHES();
+  RunOnCollection("N02 edges", EdgeRays, 104);
 }
 
-constexpr const char* kClosedScans[] = {"bunny_7k.off", "screwdriver_bigendian.ply",
-                                        "armadillo_86k.ply"};
-
-TEST(N01, RaysAtVerticesOfClosedScansDoNotLeak) {
+TEST(N07, AxisParallelRaysFromInsideClosedMeshesDoNotLeak) {
+  RunOnGenerated("N07 axes", AxisRaysThroughVertices, GeneratedClosedMeshes(), 105);
+}
+TEST(N07, AxisParallelRaysFromInsideTheCollectionsClosedMeshesDoNotLeak) {
   KDRAY_NEED_MESHES();
-  for (const char* file : kClosedScans) {
-    const MeshData data = ReadCollectionMesh(file);
-    const Scene scene = MakeScene(data, BuildKind::kKdSah);
-    ExpectNoLeaks(file, scene, RaysAtVertices(data, PointInside(scene), kRays));
-  }
+  RunOnCollection("N07 axes", AxisRaysThroughVertices, 106);
 }
 
-TEST(N02, RaysAtEdgesOfClosedScansDoNotLeak) {
+TEST(N15, RaysFromFarAwayThroughClosedMeshesDoNotPassThem) {
+  RunOnGenerated("N15 far", FarRays, GeneratedClosedMeshes(), 107);
+}
+TEST(N15, RaysFromFarAwayThroughTheCollectionsClosedMeshesDoNotPassThem) {
   KDRAY_NEED_MESHES();
-  auto engine = RandomEngine(3);
-  for (const char* file : kClosedScans) {
-    const MeshData data = ReadCollectionMesh(file);
-    const Scene scene = MakeScene(data, BuildKind::kKdSah);
-    ExpectNoLeaks(file, scene, RaysOnEdges(data, PointInside(scene), kRays, engine));
+  RunOnCollection("N15 far", FarRays, 108);
+}
+
+/// Vertices and edges in turn.
+std::vector<Ray> VertexAndEdgeRays(const ClosedMesh& mesh, std::size_t count,
+                                   std::mt19937_64& engine) {
+  std::vector<Ray> rays = VertexRays(mesh, count / 2, engine);
+  for (const Ray& ray : EdgeRays(mesh, count - count / 2, engine)) rays.push_back(ray);
+  return rays;
+}
+
+TEST(N03, RaysInClosedMeshesFarFromTheOriginDoNotLeak) {
+  std::vector<ClosedMesh> meshes;
+  meshes.push_back(
+      MakeClosedMesh("sphere of 2 at 1e5", UvSphere({148'376, 1'234, -223'423}, 2, 24, 48)));
+  meshes.push_back(MakeClosedMesh("sphere of 2 at 1e5, in float",
+                                  RoundToFloat(UvSphere({148'376, 1'234, -223'423}, 2, 24, 48))));
+  meshes.push_back(
+      MakeClosedMesh("sphere of 1000 at 1e7", UvSphere({1e7, -1e7, 1e7}, 1000, 48, 96)));
+  meshes.push_back(MakeClosedMesh("sphere of 1 at 1e9", UvSphere({1e9, 0, -1e9}, 1, 24, 48)));
+  // Coordinates like those of a map: metres, with millimetres behind the point.
+  MeshData map = BumpySphere({448'251.25, 5'411'932.5, 122.75}, 40, 40, 80, 0.3);
+  for (Vec3d& v : map.vertices) {
+    for (int axis = 0; axis < 3; ++axis) v[axis] = std::round(v[axis] * 1000) / 1000;
   }
+  meshes.push_back(MakeClosedMesh("map coordinates in millimetres", std::move(map)));
+  for (const ClosedMesh& mesh : meshes) {
+    const bool is_float = mesh.name.ends_with("in float");
+    EXPECT_EQ(AutoPrecision(*mesh.scene.mesh),
+              is_float ? Precision::kWatertight : Precision::kDouble)
+        << mesh.name;
+  }
+  RunOnGenerated("N03 far from the origin", VertexAndEdgeRays, std::move(meshes), 109);
+}
+
+TEST(N04, RaysInClosedMeshesOfAnyScaleDoNotLeak) {
+  std::vector<ClosedMesh> meshes;
+  for (const int exponent : {-30, -20, -15, -10, 0, 10, 15, 20, 30}) {
+    const double scale = std::pow(10.0, exponent);
+    const std::string name = "sphere of 1e" + std::to_string(exponent);
+    const Vec3d center = Vec3d{0.3, -0.2, 0.1} * scale;
+    meshes.push_back(MakeClosedMesh(name, UvSphere(center, scale, 24, 48)));
+    meshes.push_back(
+        MakeClosedMesh(name + " in float", RoundToFloat(UvSphere(center, scale, 24, 48))));
+    EXPECT_EQ(AutoPrecision(*meshes.back().scene.mesh), Precision::kWatertight) << name;
+  }
+  RunOnGenerated("N04 scales", VertexAndEdgeRays, std::move(meshes), 110);
 }
 
 TEST(N01, EveryBuildIsAsTightAsTheOthers) {
@@ -102,7 +131,9 @@ TEST(N01, EveryBuildIsAsTightAsTheOthers) {
   for (const Scene& scene : MakeScenes(data)) {
     for (const Precision precision :
          {Precision::kWatertight, Precision::kDouble, Precision::kExact}) {
-      EXPECT_EQ(Leaks(scene, rays, precision), 0u)
+      std::vector<std::uint8_t> occluded(rays.size());
+      ASSERT_TRUE(TraceAny(scene, std::span<const Ray>(rays), With(precision), occluded).ok());
+      EXPECT_EQ(std::count(occluded.begin(), occluded.end(), 0), 0)
           << Name(scene.tree->build) << ", " << Name(precision);
     }
   }

@@ -34,7 +34,7 @@ TEST(N05, ScalingByPowersOfTwoChangesNoBit) {
   for (const Precision precision : kAllPrecisions) {
     expected.emplace_back(rays.size());
     ASSERT_TRUE(
-        TraceClosest(scene, std::span<const Ray>(rays), {precision, {}}, expected.back()).ok());
+        TraceClosest(scene, std::span<const Ray>(rays), With(precision), expected.back()).ok());
   }
   for (int k = -100; k <= 100; ++k) {
     MeshData scaled = data;

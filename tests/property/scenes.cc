@@ -61,6 +61,12 @@ std::vector<Scene> MakeScenes(const MeshData& data) {
   return scenes;
 }
 
+TraceOptions With(Precision precision) {
+  TraceOptions options;
+  options.precision = precision;
+  return options;
+}
+
 MeshData ReadCollectionMesh(std::string_view file) {
   Result<MeshData> data = ReadMesh(ReadFileBytes(*MeshFolder() / file));
   if (!data) throw std::runtime_error(data.error().message);
@@ -140,8 +146,8 @@ void ExpectSameAsBruteForce(const MeshData& data, const std::vector<Ray>& rays,
       std::vector<Hit> hits(rays.size());
       std::vector<std::uint8_t> occluded(rays.size());
       const std::span<const Ray> batch(rays);
-      ASSERT_TRUE(TraceClosest(scene, batch, {precision, {}}, hits).ok());
-      ASSERT_TRUE(TraceAny(scene, batch, {precision, {}}, occluded).ok());
+      ASSERT_TRUE(TraceClosest(scene, batch, With(precision), hits).ok());
+      ASSERT_TRUE(TraceAny(scene, batch, With(precision), occluded).ok());
       for (std::size_t i = 0; i < rays.size(); ++i) {
         ASSERT_TRUE(SameHit(hits[i], expected[i]))
             << Name(scene.tree->build) << ", " << Name(precision) << ", ray " << i << ": "

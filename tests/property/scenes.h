@@ -11,6 +11,7 @@
 #include "core/geometry/triangle_mesh.h"
 #include "core/scene/scene.h"
 #include "core/trace/precision.h"
+#include "core/trace/trace.h"
 
 namespace kdray::test {
 
@@ -18,6 +19,9 @@ namespace kdray::test {
 core::Scene MakeScene(const core::MeshData& data, core::BuildKind build);
 /// One mesh shared by every build.
 std::vector<core::Scene> MakeScenes(const core::MeshData& data);
+
+/// The usual options in that precision.
+core::TraceOptions With(core::Precision precision);
 
 /// From the collection (tests/support/mesh_files.h).
 core::MeshData ReadCollectionMesh(std::string_view file);

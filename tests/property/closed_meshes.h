@@ -1,0 +1,59 @@
+// Closed meshes with points that are certainly inside, and families of rays aimed from there at
+// what float arithmetic finds hardest. That each such ray hits something needs no arithmetic.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "core/geometry/ray.h"
+#include "core/geometry/triangle_mesh.h"
+#include "core/scene/scene.h"
+
+namespace kdray::test {
+
+/// How many times as many rays the accuracy tests take: the environment variable KDRAY_RAYS_FACTOR,
+/// else 1. tests/accuracy sets it.
+double RaysFactor();
+
+struct ClosedMesh {
+  std::string name;
+  core::MeshData data;
+  core::Scene scene;
+  /// Stretches of lines that are inside the mesh by exact parity, the ends on its surface.
+  struct Inside {
+    core::Vec3d from, to;
+  };
+  std::vector<Inside> inside;
+};
+
+/// With a kd-sah tree. Throws std::runtime_error when the mesh has no inside.
+ClosedMesh MakeClosedMesh(std::string name, core::MeshData data);
+
+/// Spheres of several kinds and a cube around the origin, of size 1.
+std::vector<ClosedMesh> GeneratedClosedMeshes();
+/// Closed meshes of the collection (tests/support/mesh_files.h): three scans, or, when there are
+/// more rays than usual, every file that MANIFEST.csv calls a clean solid and core reads.
+std::vector<std::string> ClosedCollectionFiles();
+
+/// Strictly inside, away from the surface by a tenth of the stretch it lies on.
+core::Vec3d RandomPointInside(const ClosedMesh& mesh, std::mt19937_64& engine);
+
+/// `count` rays that must hit. Fewer where the mesh does not have as many.
+using RayFamily = std::function<std::vector<core::Ray>(const ClosedMesh& mesh, std::size_t count,
+                                                       std::mt19937_64& engine)>;
+/// N01: from inside, at vertices.
+std::vector<core::Ray> VertexRays(const ClosedMesh& mesh, std::size_t count,
+                                  std::mt19937_64& engine);
+/// N02: from inside, at points on edges: every other one its middle.
+std::vector<core::Ray> EdgeRays(const ClosedMesh& mesh, std::size_t count, std::mt19937_64& engine);
+/// N07: from inside, along an axis, two coordinates copied from a vertex; zeros of both signs. Such
+/// rays lie in split planes and box faces.
+std::vector<core::Ray> AxisRaysThroughVertices(const ClosedMesh& mesh, std::size_t count,
+                                               std::mt19937_64& engine);
+/// N15: from 10^3 to 10^9 mesh sizes away, through a point inside, at a vertex.
+std::vector<core::Ray> FarRays(const ClosedMesh& mesh, std::size_t count, std::mt19937_64& engine);
+
+}  // namespace kdray::test
