@@ -119,7 +119,7 @@ std::string EncodeCapabilities(std::string_view version, const Limits& limits) {
                {"version", version},
                {"formats", kMeshFormatNames},
                {"builds", kBuildNames},
-               {"precisions", kAvailablePrecisionNames},
+               {"precisions", kPrecisionNames},
                {"limits",
                 {{"max_upload_bytes", limits.max_upload_bytes},
                  {"max_rays", limits.max_rays},

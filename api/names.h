@@ -4,7 +4,6 @@
 #include <array>
 #include <cstddef>
 #include <optional>
-#include <span>
 #include <string_view>
 
 #include "api/types.h"
@@ -15,9 +14,6 @@ inline constexpr std::array<std::string_view, 7> kBuildNames = {
     "auto", "kd-sah", "kd-binned", "kd-cyclic", "kd-median", "bvh", "box"};
 inline constexpr std::array<std::string_view, 5> kPrecisionNames = {"auto", "fast", "watertight",
                                                                     "double", "exact"};
-/// Without `exact`, which the contract has and this version not yet.
-inline constexpr std::span<const std::string_view> kAvailablePrecisionNames(kPrecisionNames.data(),
-                                                                            4);
 inline constexpr std::array<std::string_view, 2> kNumberTypeNames = {"f4", "f8"};
 inline constexpr std::array<std::string_view, 6> kRayFieldNames = {"t", "triangle", "u",
                                                                    "v", "normal",   "point"};

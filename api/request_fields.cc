@@ -14,11 +14,10 @@ namespace {
 constexpr std::int64_t kMaxDepth = 255;  // no tree is deeper
 constexpr std::int64_t kMaxPage = 1000;
 
-/// Precisions of the contract that this version does not have.
-constexpr std::array<std::string_view, 1> kLaterPrecisions = {"exact"};
+/// Modes of the contract that this version does not have.
 constexpr std::array<std::string_view, 2> kLaterModes = {"ambient-occlusion", "cost"};
 
-constexpr ChoiceKind kPrecisionKind = {kAvailablePrecisionNames, kLaterPrecisions};
+constexpr ChoiceKind kPrecisionKind = {kPrecisionNames};
 constexpr TextKind kSha256Kind = {IsSha256, "a SHA-256 as 64 lower-case hexadecimal digits"};
 
 /// The engine knows which cursors it made; here only what could harm a log line is kept out.

@@ -76,8 +76,7 @@ class Engine {
   virtual api::Outcome<std::unique_ptr<MeshBytes>> OpenMesh(std::string_view id) = 0;
 
   // Queries wait for a tree that is being built until `cancel`'s deadline, then tree_building.
-  // deadline_exceeded when the deadline passes while tracing. A precision that is not there yet:
-  // invalid_parameter.
+  // deadline_exceeded when the deadline passes while tracing.
   virtual api::Outcome<api::ClosestAnswer> Closest(std::string_view id, const api::RayTable& rays,
                                                    const api::RayOptions& options,
                                                    const CancelToken& cancel) = 0;

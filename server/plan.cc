@@ -2,6 +2,7 @@
 
 #include <charconv>
 
+#include "core/geometry/power_of_two.h"
 #include "core/trace/precision.h"
 #include "core/tree/build_kind.h"
 
@@ -70,13 +71,17 @@ std::string DescribePrecision(const core::MeshFacts& mesh) {
   text += mesh.double_vertices ? ": the vertices need it. "
                                : ": the shortest edges are too short for single precision. ";
   if (mesh.double_vertices) {
-    text += "With watertight, vertices are rounded to single precision. ";
+    // Local coordinates lie in [-1, 1], where a float is off by 2^-25 at most.
+    text += "With watertight and fast, rays are answered on vertices rounded to float, by up to " +
+            Shortest(core::ScaleByPowerOfTwo(0x1p-25, mesh.frame.exponent)) + " on each axis. ";
   }
   return text;
 }
 
 std::string DescribeClosedness(const core::MeshHealth& health) {
-  if (health.closed) return "The mesh is closed, so no ray from inside escapes unseen.";
+  if (health.closed) {
+    return "The mesh is closed, so no ray from inside escapes unseen, but with fast.";
+  }
   std::string text = "The mesh is not closed";
   if (health.open_edges != 0 || health.non_manifold_edges != 0) {
     text += " (" + std::to_string(health.open_edges) + " open and " +

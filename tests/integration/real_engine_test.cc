@@ -120,6 +120,26 @@ TEST_F(RealEngine, GivesTheSameBytesForEveryBuildAndPrecisionForNone) {
   EXPECT_THAT(first, HasSubstr("'triangle'"));
 }
 
+TEST_F(RealEngine, SaysWhichPrecisionAnswersAndWhatAMeshOfDoublesLosesInTheOthers) {
+  // A tenth is no float, so these vertices are kept as doubles.
+  const std::string id = running_->Upload("v 0.1 0 0\nv 1 0.1 0\nv 0 1 0.1\nf 1 2 3\n");
+  const std::string plan = Json(running_->Ask("GET", "/v1/trees/" + id)).at("plan");
+  EXPECT_THAT(plan, HasSubstr("auto means double"));
+  EXPECT_THAT(plan, HasSubstr("With watertight and fast, rays are answered on vertices rounded"));
+  const std::string rays = R"({"rays":[[0.3,0.3,5,0,0,-1]]})";
+  const std::string path = "/v1/trees/" + id + "/rays/closest";
+  EXPECT_EQ(running_->Ask("POST", path, rays).Header("kdray-precision"), "double");
+  for (const std::string precision : {"fast", "watertight", "double", "exact"}) {
+    const RawAnswer answer = running_->Ask("POST", path + "?precision=" + precision, rays);
+    EXPECT_EQ(answer.Header("kdray-precision"), precision) << answer.body;
+    EXPECT_EQ(Json(answer).at("results").at(0).at("triangle"), 0) << precision;
+  }
+  const RawAnswer image = running_->Ask(
+      "GET", "/v1/trees/" + id + "/render.npy?mode=triangle&width=8&height=8&precision=exact");
+  EXPECT_EQ(image.status, 200) << image.body;
+  EXPECT_EQ(image.Header("kdray-precision"), "exact");
+}
+
 TEST_F(RealEngine, RendersWhatIsThere) {
   const std::string id = running_->Upload(test::ObjText(test::IcoSphere({0, 0, 0}, 1, 3)));
   const std::string path = "/v1/trees/" + id;

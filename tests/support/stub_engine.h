@@ -105,9 +105,9 @@ class StubEngine final : public server::Engine {
   }
 
   api::Outcome<api::ClosestAnswer> Closest(std::string_view, const api::RayTable& rays,
-                                           const api::RayOptions& options,
+                                           const api::RayOptions&,
                                            const server::CancelToken& cancel) override {
-    if (auto problem = Work(options.precision, cancel)) return *std::move(problem);
+    if (auto problem = Work(cancel)) return *std::move(problem);
     api::ClosestAnswer answer;
     answer.precision = api::Precision::kWatertight;
     answer.trace_ms = 0.5;
@@ -124,9 +124,9 @@ class StubEngine final : public server::Engine {
   }
 
   api::Outcome<api::AnyAnswer> Any(std::string_view, const api::RayTable& rays,
-                                   const api::RayOptions& options,
+                                   const api::RayOptions&,
                                    const server::CancelToken& cancel) override {
-    if (auto problem = Work(options.precision, cancel)) return *std::move(problem);
+    if (auto problem = Work(cancel)) return *std::move(problem);
     api::AnyAnswer answer;
     answer.precision = api::Precision::kWatertight;
     for (const auto& [t, valid] : Planes(rays)) {
@@ -138,7 +138,7 @@ class StubEngine final : public server::Engine {
 
   api::Outcome<api::RenderAnswer> Render(std::string_view, const api::RenderRequest& request,
                                          bool png, const server::CancelToken& cancel) override {
-    if (auto problem = Work(request.precision, cancel)) return *std::move(problem);
+    if (auto problem = Work(cancel)) return *std::move(problem);
     ++renders;
     api::RenderAnswer answer;
     answer.precision = api::Precision::kWatertight;
@@ -159,7 +159,7 @@ class StubEngine final : public server::Engine {
 
   api::Outcome<std::vector<api::Cell>> Cells(std::string_view, std::uint32_t depth,
                                              const server::CancelToken& cancel) override {
-    if (auto problem = Work(api::Precision::kAuto, cancel)) return *std::move(problem);
+    if (auto problem = Work(cancel)) return *std::move(problem);
     if (depth > 30) {
       return api::Problem{.code = api::ErrorCode::kTooManyCells, .detail = "too many cells"};
     }
@@ -229,12 +229,7 @@ class StubEngine final : public server::Engine {
   }
 
   /// Spends the time of a query.
-  api::Check Work(api::Precision precision, const server::CancelToken& cancel) {
-    if (precision == api::Precision::kExact) {
-      return api::Problem{.code = api::ErrorCode::kInvalidParameter,
-                          .detail = "not here",
-                          .parameter = "precision"};
-    }
+  api::Check Work(const server::CancelToken& cancel) {
     const int now = ++running;
     for (int most = most_running; most < now && !most_running.compare_exchange_weak(most, now);) {
     }

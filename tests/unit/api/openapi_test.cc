@@ -263,8 +263,7 @@ TEST(OpenApi, DescribesTheFieldsOfRendersAsTheyAreRead) {
 }
 
 TEST(OpenApi, NamesThePrecisionsThatCanHaveBeenUsed) {
-  std::vector<std::string_view> used(kAvailablePrecisionNames.begin() + 1,
-                                     kAvailablePrecisionNames.end());
+  std::vector<std::string_view> used(kPrecisionNames.begin() + 1, kPrecisionNames.end());
   EXPECT_EQ(Document()["components"]["headers"]["Kdray-Precision"]["schema"]["enum"], json(used));
 }
 

@@ -107,10 +107,10 @@ const std::vector<FieldCase> kRenderCases = {
      kNotANumber},
     {"precision",
      "auto",
-     {"auto", "fast", "watertight", "double"},
-     {"", "exact", "float"},
-     {"\"double\""},
+     {"auto", "fast", "watertight", "double", "exact"},
+     {"", "Exact", "float"},
      {"\"exact\""},
+     {"\"float\""},
      kNotText},
     {"color",
      "",
@@ -344,8 +344,6 @@ TEST(RenderRequests, RefuseFieldsOfTheContractThatAreNotInThisVersion) {
   EXPECT_THAT(
       Query("mode=cost").problem().detail,
       HasSubstr("'cost' is not in this version; there are shaded, normal, depth, triangle"));
-  EXPECT_THAT(Query("precision=exact").problem().detail,
-              HasSubstr("there are auto, fast, watertight, double"));
 }
 
 TEST(RenderRequests, NameTheLimitThatAValueBreaks) {
@@ -448,7 +446,7 @@ TEST(RayQueries, TakeEveryOption) {
 TEST(RayQueries, RefuseEverythingElseByName) {
   const std::pair<std::string_view, std::string_view> cases[] = {
       {"precision=", "precision"},
-      {"precision=exact", "precision"},
+      {"precision=float", "precision"},
       {"precision=FAST", "precision"},
       {"fields=", "fields"},
       {"fields=t,", "fields"},

@@ -190,7 +190,8 @@ TEST(Plan, SaysStructureVerticesPrecisionAndWhatIsNotPromised) {
   EXPECT_THAT(plan, HasSubstr("doubles (24 bytes)"));
   EXPECT_THAT(plan, HasSubstr("(148376, 0, -0.5)"));
   EXPECT_THAT(plan, HasSubstr("auto means double"));
-  EXPECT_THAT(plan, HasSubstr("With watertight, vertices are rounded"));
+  EXPECT_THAT(
+      plan, HasSubstr("With watertight and fast, rays are answered on vertices rounded to float"));
   EXPECT_THAT(plan, HasSubstr("The mesh is closed"));
 
   record.mesh->double_vertices = false;
