@@ -323,6 +323,7 @@ void TreeLibrary::ForgetAndRemoveFiles(const TreeId& id, const Error& error) {
     if (mesh_too) damaged_meshes_.erase(id.mesh);
   }
   if (mesh_too) {
+    measurements_.Forget(id.mesh);
     cache_.EraseMesh(id.mesh);
     // Should the disk refuse, the next start sweeps what no record names.
     (void)store_->RemoveMesh(id.mesh);

@@ -22,6 +22,7 @@
 #include "core/base/cancel.h"
 #include "core/base/parallel.h"
 #include "core/base/result.h"
+#include "core/library/measurements.h"
 #include "core/library/scene_source.h"
 #include "core/library/work_queue.h"
 #include "core/scene/memory_budget.h"
@@ -119,6 +120,19 @@ class TreeLibrary {
   /// The mesh's bytes, checked. kCorrupt when they are damaged: uploading them again repairs them.
   Result<std::unique_ptr<ReadableFile>> OpenMesh(const TreeId& id);
 
+  /// Measures speed and accuracy on the mesh of `id` (core/tradeoff) in the background, one mesh at
+  /// a time; its other ids share what comes out. Joins a measuring that is under way, else begins
+  /// anew. Of `options`, the number of threads is the library's, and builds and loads under way
+  /// count as disturbance besides what is_disturbed says.
+  Status Measure(const TreeId& id, TradeoffOptions options);
+  /// What was measured, or how far it is; nothing when nobody asked for it. Waits until it has
+  /// ended, or `until` or `cancel` comes. Errors besides: those of Load and MeasureTradeoff, when
+  /// it fails while one waits; kMemoryFull when there was no memory for it.
+  Result<std::optional<Measurements::Info>> WaitForMeasured(
+      const TreeId& id, std::chrono::steady_clock::time_point until, const CancelToken& cancel);
+  /// Stops the measuring, and forgets what was measured. False when there was neither.
+  Result<bool> ForgetMeasured(const TreeId& id);
+
   LibraryCounters counters() const;
 
   /// Stops builds; those that were cut off resume at the next Open. Nothing is built or read in
@@ -173,6 +187,10 @@ class TreeLibrary {
   bool Succeed(Flight* flight, const SceneSource::Fetched& fetched);
   void Persist(const TreeRecord& before, const SceneSource::Fetched& fetched);
   void Fail(Flight* flight, const Error& error);
+  void RunMeasuring(const TreeId& id, const std::shared_ptr<Measurements::Task>& task,
+                    TradeoffOptions options);
+  Result<MeasuredTradeoff> MeasureNow(const TreeId& id, const TradeoffOptions& options,
+                                      Measurements::Task* task);
 
   const LibraryOptions options_;
   std::unique_ptr<SceneStore> store_;
@@ -181,6 +199,7 @@ class TreeLibrary {
   TreeCache cache_;
   Arena arena_;
   SceneSource source_;
+  Measurements measurements_;
 
   // Whoever writes or removes a mesh's files holds its mutex; always taken before mutex_.
   std::array<std::mutex, 64> mesh_mutexes_;

@@ -187,6 +187,7 @@ void TreeLibrary::Shutdown() {
       Land(&entry, ShuttingDown());
     }
   }
+  measurements_.Stop();
   queue_.Stop();
 }
 

@@ -18,8 +18,8 @@
 namespace kdray::core {
 
 /// The folders whose files count. A catalog entry of about a kilobyte does not.
-enum class FileGroup : std::uint8_t { kMeshes, kParsed, kTrees };
-inline constexpr std::size_t kFileGroups = 3;
+enum class FileGroup : std::uint8_t { kMeshes, kParsed, kTrees, kMeasured };
+inline constexpr std::size_t kFileGroups = 4;
 
 class DiskUsage;
 

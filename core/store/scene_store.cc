@@ -38,7 +38,8 @@ SceneStore::SceneStore(const Options& options)
       directory_(options.directory),
       blobs_{BlobStore(file_system_, directory_ / "meshes"),
              BlobStore(file_system_, directory_ / "parsed"),
-             BlobStore(file_system_, directory_ / "trees")},
+             BlobStore(file_system_, directory_ / "trees"),
+             BlobStore(file_system_, directory_ / "measured")},
       catalog_(file_system_, directory_ / "catalog"),
       usage_(options.limit_bytes) {}
 
@@ -109,7 +110,7 @@ void SceneStore::Sweep(const std::set<std::string>& wanted, FileGroup group,
 }
 
 bool SceneStore::RemoveOldestDerived() {
-  for (const FileGroup group : {FileGroup::kTrees, FileGroup::kParsed}) {
+  for (const FileGroup group : {FileGroup::kTrees, FileGroup::kParsed, FileGroup::kMeasured}) {
     if (const std::optional<std::string> name = usage_.Oldest(group)) {
       usage_.Drop(group, *name);
       (void)Blobs(group).Remove(*name);
@@ -209,6 +210,7 @@ Status SceneStore::RemoveMesh(const Sha256Digest& mesh) {
   if (status.ok()) usage_.Drop(FileGroup::kMeshes, name);
   if (usage_.Drop(FileGroup::kParsed, name)) (void)Blobs(FileGroup::kParsed).Remove(name);
   for (const BuildKind build : kAllBuildKinds) RemoveTree(mesh, build);
+  RemoveTradeoff(mesh);
   const std::lock_guard lock(touched_mutex_);
   touched_.erase(mesh);
   return status;
@@ -285,6 +287,28 @@ void SceneStore::WritePrepared(const Sha256Digest& mesh, const PreparedMesh& pre
 void SceneStore::WriteTree(const TreeFileKey& key, const Tree& tree) {
   WriteDerived(FileGroup::kTrees, TreeFileName(key.mesh, key.build), tree.bytes(),
                [&](NewBlob blob) { return WriteTreeFile(key, tree, std::move(blob)); });
+}
+
+Result<MeasuredTradeoff> SceneStore::ReadTradeoff(const Sha256Digest& mesh) {
+  const std::string name = mesh.ToHex();
+  if (usage_.BytesOf(FileGroup::kMeasured, name) == 0) {
+    return Error{ErrorCode::kNotFound, "nothing was measured"};
+  }
+  Result<std::unique_ptr<ReadableFile>> file = OpenCounted(FileGroup::kMeasured, name);
+  if (!file.ok()) return std::move(file).error();
+  Result<MeasuredTradeoff> measured = ReadTradeoffFile(mesh, *std::move(file));
+  if (!measured.ok()) CountDamage(measured.error());
+  return measured;
+}
+
+void SceneStore::WriteTradeoff(const Sha256Digest& mesh, const MeasuredTradeoff& measured) {
+  WriteDerived(FileGroup::kMeasured, mesh.ToHex(), kTradeoffFileBytes,
+               [&](NewBlob blob) { return WriteTradeoffFile(mesh, measured, std::move(blob)); });
+}
+
+void SceneStore::RemoveTradeoff(const Sha256Digest& mesh) {
+  const std::string name = mesh.ToHex();
+  if (usage_.Drop(FileGroup::kMeasured, name)) (void)Blobs(FileGroup::kMeasured).Remove(name);
 }
 
 void SceneStore::RemoveTree(const Sha256Digest& mesh, BuildKind build) {

@@ -4,7 +4,9 @@
 //   catalog/<id>      which trees there are (catalog.h); this is what makes a mesh be there
 //   parsed/<sha256>   derived: the parsed mesh (mesh_file.h)
 //   trees/<sha256>-<build>   derived: the built tree (tree_file.h)
-// Derived files may go at any time; they are made again when they are missed.
+//   measured/<sha256>        derived: the trade-off that was measured (tradeoff_file.h)
+// Derived files may go at any time; they are made again when they are missed, but for what was
+// measured, which somebody has to ask for again.
 #pragma once
 
 #include <array>
@@ -29,6 +31,7 @@
 #include "core/store/catalog.h"
 #include "core/store/disk_usage.h"
 #include "core/store/file_system.h"
+#include "core/store/tradeoff_file.h"
 #include "core/store/tree_file.h"
 
 namespace kdray::core {
@@ -105,6 +108,11 @@ class SceneStore {
   Result<Tree> ReadTree(const TreeFileKey& key);
   void WriteTree(const TreeFileKey& key, const Tree& tree);
   void RemoveTree(const Sha256Digest& mesh, BuildKind build);
+
+  /// kNotFound when there is none.
+  Result<MeasuredTradeoff> ReadTradeoff(const Sha256Digest& mesh);
+  void WriteTradeoff(const Sha256Digest& mesh, const MeasuredTradeoff& measured);
+  void RemoveTradeoff(const Sha256Digest& mesh);
 
   // The catalog.
 

@@ -1,0 +1,107 @@
+// The measuring side of TreeLibrary.
+#include <algorithm>
+#include <exception>
+#include <utility>
+
+#include "core/library/tree_library.h"
+
+namespace kdray::core {
+namespace {
+
+// Jobs of one key take turns: under this key of no mesh one measuring runs at a time, beside the
+// work on any mesh, the measured one included.
+constexpr Sha256Digest kMeasuringKey{};
+
+std::int64_t NowMs() {
+  return std::chrono::duration_cast<std::chrono::milliseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+}  // namespace
+
+Status TreeLibrary::Measure(const TreeId& id, TradeoffOptions options) {
+  {
+    const std::lock_guard lock(mutex_);
+    const Result<Entry*> entry = FindLocked(id);
+    if (!entry.ok()) return entry.error();
+    if (shut_down_) return Error{ErrorCode::kCancelled, "shutting down"};
+  }
+  if (std::shared_ptr<Measurements::Task> task = measurements_.Begin(id.mesh)) {
+    queue_.Submit(kMeasuringKey, WorkQueue::Lane::kBuild,
+                  [this, id, task = std::move(task), options = std::move(options)] {
+                    RunMeasuring(id, task, options);
+                  });
+  }
+  return {};
+}
+
+void TreeLibrary::RunMeasuring(const TreeId& id, const std::shared_ptr<Measurements::Task>& task,
+                               TradeoffOptions options) {
+  options.threads = arena_.threads();
+  options.is_disturbed = [this, asked = std::move(options.is_disturbed)] {
+    if (asked && asked()) return true;
+    const std::lock_guard lock(mutex_);
+    return std::any_of(entries_.begin(), entries_.end(),
+                       [](const auto& entry) { return entry.second.flight != nullptr; });
+  };
+  Result<MeasuredTradeoff> measured = Error{ErrorCode::kInternal, "an unexpected failure"};
+  try {
+    measured = MeasureNow(id, options, task.get());
+  } catch (const std::bad_alloc&) {
+    measured = Error{ErrorCode::kMemoryFull, "the system has no memory for this now"};
+  } catch (const std::exception&) {  // stays what it was
+  }
+  const std::lock_guard files_lock(MeshMutex(id.mesh));
+  if (measurements_.End(task, measured)) store_->WriteTradeoff(id.mesh, *measured);
+}
+
+Result<MeasuredTradeoff> TreeLibrary::MeasureNow(const TreeId& id, const TradeoffOptions& options,
+                                                 Measurements::Task* task) {
+  Result<Scene> scene = Load(id, task->cancel);
+  if (!scene.ok()) return std::move(scene).error();
+  const Result<TreeInfo> info = Find(id);
+  if (!info.ok()) return info.error();
+  const bool closed = info->record.mesh && info->record.mesh->health.closed;
+  // Not waited for: who holds a mesh and waits for memory may wait for one who waits for the mesh.
+  const std::optional<MemoryCharge> charge =
+      budget_.TryReserve(EstimateTradeoffBytes(scene->mesh->triangle_count(), options));
+  if (!charge) return Error{ErrorCode::kMemoryFull, "there is no memory for measuring now"};
+  scene->tree.reset();
+  std::optional<Result<Tradeoff>> tradeoff;
+  arena_.Run([&] {
+    tradeoff = MeasureTradeoff(scene->mesh, closed, options, task->cancel, &task->progress);
+  });
+  if (!tradeoff->ok()) return std::move(*tradeoff).error();
+  return MeasuredTradeoff{NowMs(), *std::move(*tradeoff)};
+}
+
+Result<std::optional<Measurements::Info>> TreeLibrary::WaitForMeasured(
+    const TreeId& id, std::chrono::steady_clock::time_point until, const CancelToken& cancel) {
+  {
+    const std::lock_guard lock(mutex_);
+    const Result<Entry*> entry = FindLocked(id);
+    if (!entry.ok()) return entry.error();
+  }
+  auto info = measurements_.Wait(id.mesh, until, cancel);
+  if (!info.ok() || info->has_value()) return info;
+  // Perhaps it was measured before the last start.
+  const std::lock_guard files_lock(MeshMutex(id.mesh));
+  Result<MeasuredTradeoff> stored = store_->ReadTradeoff(id.mesh);
+  if (stored.ok()) measurements_.Adopt(id.mesh, *std::move(stored));
+  return measurements_.Wait(id.mesh, until, cancel);
+}
+
+Result<bool> TreeLibrary::ForgetMeasured(const TreeId& id) {
+  {
+    const std::lock_guard lock(mutex_);
+    const Result<Entry*> entry = FindLocked(id);
+    if (!entry.ok()) return entry.error();
+  }
+  const std::lock_guard files_lock(MeshMutex(id.mesh));
+  const bool was_stored = store_->ReadTradeoff(id.mesh).ok();
+  store_->RemoveTradeoff(id.mesh);
+  return measurements_.Forget(id.mesh) || was_stored;
+}
+
+}  // namespace kdray::core

@@ -1,0 +1,30 @@
+// What was measured on a mesh, as a stored file.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "core/base/hash.h"
+#include "core/base/result.h"
+#include "core/store/blob_store.h"
+#include "core/tradeoff/tradeoff.h"
+
+namespace kdray::core {
+
+struct MeasuredTradeoff {
+  std::int64_t measured_ms = 0;  ///< when it ended; since 1970, UTC
+  Tradeoff tradeoff;
+  friend bool operator==(const MeasuredTradeoff&, const MeasuredTradeoff&) = default;
+};
+
+/// Some hundred bytes for each build and precision.
+inline constexpr std::uint64_t kTradeoffFileBytes = 8192;
+
+/// On stable storage under its temporary name when it returns.
+Result<NewBlob> WriteTradeoffFile(const Sha256Digest& mesh, const MeasuredTradeoff& measured,
+                                  NewBlob blob);
+/// kCorrupt unless it is sound and of this mesh; kIo.
+Result<MeasuredTradeoff> ReadTradeoffFile(const Sha256Digest& mesh,
+                                          std::unique_ptr<ReadableFile> file);
+
+}  // namespace kdray::core

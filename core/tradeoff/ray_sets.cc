@@ -1,0 +1,215 @@
+#include "core/tradeoff/ray_sets.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <random>
+#include <utility>
+
+#include "core/trace/trace.h"
+
+namespace kdray::core {
+namespace {
+
+constexpr std::size_t kOrigins = 64;
+constexpr std::size_t kTriesPerOrigin = 32;
+constexpr int kMaxCrossings = 256;
+
+class Random {
+ public:
+  explicit Random(std::uint64_t seed) : engine_(seed) {}
+
+  /// In [0, 1); the same on every machine, unlike std::uniform_real_distribution.
+  double Unit() { return static_cast<double>(engine_() >> 11) * 0x1p-53; }
+  std::size_t Below(std::size_t end) { return static_cast<std::size_t>(engine_() % end); }
+  /// Uniform on the unit sphere (Archimedes: the height is uniform).
+  Vec3d Direction() {
+    const double z = 2 * Unit() - 1;
+    const double angle = 2 * 3.14159265358979323846 * Unit();
+    const double r = std::sqrt(std::max(0.0, 1 - z * z));
+    return {r * std::cos(angle), r * std::sin(angle), z};
+  }
+  Vec3d PointIn(const Bounds3d& bounds) {
+    const Vec3d e = bounds.Extent();
+    return bounds.min + Vec3d{e.x * Unit(), e.y * Unit(), e.z * Unit()};
+  }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+// A ray from `origin` towards `target`; in any direction should they be the same.
+Ray RayTowards(const Vec3d& origin, const Vec3d& target, Random* random) {
+  Ray ray;
+  ray.origin = origin;
+  ray.direction = target - origin;
+  if (!IsValid(ray)) ray.direction = random->Direction();
+  return ray;
+}
+
+// From a point of a sphere around the bounds to a point within them.
+Ray RayFromOutside(const Bounds3d& bounds, Random* random) {
+  const Vec3d origin = bounds.Center() + random->Direction() * Length(bounds.Extent());
+  return RayTowards(origin, random->PointIn(bounds), random);
+}
+
+/// The first hit behind `t`, exactly.
+Hit HitBehind(const Scene& scene, Ray ray, double t) {
+  ray.t_min = std::nextafter(t, std::numeric_limits<double>::infinity());
+  return ClosestHit(scene, ray, Precision::kExact);
+}
+
+/// Whether a ray crosses the mesh an odd number of times, and nowhere nearer than `margin`.
+bool LeavesFromInside(const Scene& scene, const Vec3d& origin, const Vec3d& direction,
+                      double margin) {
+  Ray ray;
+  ray.origin = origin;
+  ray.direction = direction;
+  int crossings = 0;
+  Hit hit = ClosestHit(scene, ray, Precision::kExact);
+  if (hit.IsHit() && hit.t < margin) return false;
+  for (; hit.IsHit() && crossings < kMaxCrossings; ++crossings) {
+    hit = HitBehind(scene, ray, hit.t);
+  }
+  return !hit.IsHit() && crossings % 2 == 1;
+}
+
+class Aim {
+ public:
+  Aim(const Scene& scene, std::uint64_t seed) : scene_(scene), mesh_(*scene.mesh), random_(seed) {}
+
+  struct Origin {
+    Vec3d point;
+    std::optional<int> plane;  // the axis on which the point has a vertex's coordinate
+  };
+
+  /// Empty when none was found.
+  Result<std::vector<Origin>> OriginsInside(const CancelToken& cancel) {
+    std::vector<Origin> origins;
+    for (std::size_t i = 0; i < kOrigins * kTriesPerOrigin && origins.size() < kOrigins; ++i) {
+      if (cancel.ShouldStop()) return cancel.ToError();
+      // Every try costs some rays: who has found nothing by then will not.
+      if (origins.empty() && i > 4 * kOrigins) break;
+      std::optional<Vec3d> point = BetweenSurfaces();
+      if (!point) continue;
+      std::optional<int> plane;
+      if (origins.size() % 2 == 1) plane = MoveIntoPlane(&*point);
+      if (IsInside(*point)) origins.push_back({*point, plane});
+    }
+    return origins;
+  }
+
+  std::vector<Origin> OriginsAnywhere() {
+    std::vector<Origin> origins;
+    // Somewhat wider than the bounds, which may be flat.
+    Bounds3d bounds = mesh_.bounds();
+    const double side = 0.25 * LongestSide();
+    bounds.min = bounds.min - Vec3d{side, side, side};
+    bounds.max = bounds.max + Vec3d{side, side, side};
+    for (std::size_t i = 0; i < kOrigins; ++i) {
+      Origin origin{random_.PointIn(bounds), std::nullopt};
+      if (i % 2 == 1) origin.plane = MoveIntoPlane(&origin.point);
+      origins.push_back(origin);
+    }
+    return origins;
+  }
+
+  Ray RayFrom(const Origin& origin, std::size_t i) {
+    if (i % 4 == 2) return RayTowards(origin.point, PointOnEdge(), &random_);
+    Vec3d vertex = Corner(random_.Below(mesh_.triangle_count()), random_.Below(3));
+    if (i % 4 == 3 && origin.plane) vertex[*origin.plane] = origin.point[*origin.plane];
+    return RayTowards(origin.point, vertex, &random_);
+  }
+
+ private:
+  Vec3d Corner(std::size_t triangle, std::size_t corner) const {
+    return mesh_.frame().ToWorld(
+        mesh_.LocalCorner(static_cast<PrimitiveId>(triangle), static_cast<int>(corner)));
+  }
+  Vec3d PointOnEdge() {
+    const std::size_t triangle = random_.Below(mesh_.triangle_count());
+    const std::size_t corner = random_.Below(3);
+    const Vec3d a = Corner(triangle, corner), b = Corner(triangle, (corner + 1) % 3);
+    const double weight = random_.Unit();
+    return a * weight + b * (1 - weight);
+  }
+
+  /// The middle between the first two surfaces that a random ray from outside crosses.
+  std::optional<Vec3d> BetweenSurfaces() {
+    const Ray ray = RayFromOutside(mesh_.bounds(), &random_);
+    const Hit first = ClosestHit(scene_, ray, Precision::kExact);
+    if (!first.IsHit()) return std::nullopt;
+    const Hit second = HitBehind(scene_, ray, first.t);
+    if (!second.IsHit()) return std::nullopt;
+    return ray.origin + ray.direction * (0.5 * first.t + 0.5 * second.t);
+  }
+
+  /// Gives the point the coordinate of the nearest of some vertices, on a random axis.
+  int MoveIntoPlane(Vec3d* point) {
+    const int axis = static_cast<int>(random_.Below(3));
+    double nearest = std::numeric_limits<double>::infinity();
+    const double old = (*point)[axis];
+    for (int i = 0; i < 64; ++i) {
+      const double c = Corner(random_.Below(mesh_.triangle_count()), random_.Below(3))[axis];
+      if (std::fabs(c - old) < std::fabs(nearest - old)) nearest = c;
+    }
+    (*point)[axis] = nearest;
+    return axis;
+  }
+
+  // Precisions that round vertices move the surface, by 2^-24 of the mesh's size: a point inside
+  // must be inside for them as well.
+  bool IsInside(const Vec3d& point) {
+    const double margin = 0x1p-14 * LongestSide();
+    for (int i = 0; i < 3; ++i) {
+      const Vec3d direction = random_.Direction();
+      if (!LeavesFromInside(scene_, point, direction, margin) ||
+          !LeavesFromInside(scene_, point, direction * -1.0, margin)) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  double LongestSide() const {
+    const Vec3d extent = mesh_.bounds().Extent();
+    return std::max({extent.x, extent.y, extent.z});
+  }
+
+  const Scene& scene_;
+  const TriangleMesh& mesh_;
+  Random random_;
+};
+
+}  // namespace
+
+std::vector<Ray> RandomRays(const TriangleMesh& mesh, std::size_t count, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<Ray> rays(count);
+  for (Ray& ray : rays) ray = RayFromOutside(mesh.bounds(), &random);
+  return rays;
+}
+
+Result<AimedRays> MakeAimedRays(const Scene& scene, bool closed, std::size_t count,
+                                std::uint64_t seed, const CancelToken& cancel) {
+  Aim aim(scene, seed);
+  std::vector<Aim::Origin> origins;
+  if (closed) {
+    Result<std::vector<Aim::Origin>> inside = aim.OriginsInside(cancel);
+    if (!inside.ok()) return std::move(inside).error();
+    origins = *std::move(inside);
+  }
+  AimedRays aimed;
+  aimed.from_inside = !origins.empty();
+  if (origins.empty()) origins = aim.OriginsAnywhere();
+  aimed.rays.resize(count);
+  // Four rays of different aim from each origin in turn.
+  for (std::size_t i = 0; i < count; ++i) {
+    aimed.rays[i] = aim.RayFrom(origins[i / 4 % origins.size()], i);
+  }
+  return aimed;
+}
+
+}  // namespace kdray::core
