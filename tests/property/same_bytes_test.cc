@@ -1,0 +1,198 @@
+// N20: an answer depends on the ray, the mesh and the precision, and on nothing else: not on the
+// build, the threads, how a batch is cut, the engine, the width of its vectors, nor on whether the
+// tree was just built or came from memory or disk. tests/integration/same_answers_test.cc goes on
+// with forms of request.
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cstring>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/base/parallel.h"
+#include "core/library/tree_library.h"
+#include "core/trace/brute_force.h"
+#include "core/trace/crossings.h"
+#include "core/trace/trace.h"
+#include "tests/property/closed_meshes.h"
+#include "tests/property/scenes.h"
+#include "tests/support/off_text.h"
+#include "tests/support/seed.h"
+#include "tests/support/shapes.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kdray::test {
+namespace {
+
+using namespace core;
+
+/// All that decides how a batch is worked off.
+std::vector<TraceOptions> WaysToTrace(Precision precision) {
+  std::vector<TraceOptions> ways;
+  ways.push_back(With(precision));
+  return ways;
+}
+
+struct Answers {
+  std::vector<Hit> hits;
+  std::vector<std::uint8_t> occluded;
+};
+
+/// In batches of `piece` rays.
+template <class AnyRay>
+Answers Trace(const Scene& scene, const std::vector<AnyRay>& rays, const TraceOptions& way,
+              std::size_t piece) {
+  Answers answers{std::vector<Hit>(rays.size()), std::vector<std::uint8_t>(rays.size())};
+  for (std::size_t first = 0; first < rays.size(); first += piece) {
+    const std::size_t count = std::min(piece, rays.size() - first);
+    const auto batch = std::span<const AnyRay>(rays).subspan(first, count);
+    EXPECT_TRUE(
+        TraceClosest(scene, batch, way, std::span(answers.hits).subspan(first, count)).ok());
+    EXPECT_TRUE(
+        TraceAny(scene, batch, way, std::span(answers.occluded).subspan(first, count)).ok());
+  }
+  return answers;
+}
+
+/// Bit for bit, NaN and signs of zeros included.
+bool SameBits(const std::vector<Hit>& a, const std::vector<Hit>& b) {
+  if (a.size() != b.size()) return false;
+  const auto bits = [](const Hit& h) {
+    return std::array{std::bit_cast<std::uint64_t>(h.t), std::bit_cast<std::uint64_t>(h.u),
+                      std::bit_cast<std::uint64_t>(h.v),
+                      static_cast<std::uint64_t>(h.primitive_id)};
+  };
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (bits(a[i]) != bits(b[i])) return false;
+  }
+  return true;
+}
+
+/// Random ones, degenerate ones and some that cannot be; float rays, so that both forms hold them.
+std::vector<RayF> MixedRays(const ClosedMesh& mesh, std::size_t each) {
+  auto engine = RandomEngine(2000);
+  std::vector<Ray> rays = RandomRays(mesh.scene.mesh->bounds(), each, engine);
+  for (const auto& family : {VertexRays, EdgeRays, AxisRaysThroughVertices}) {
+    for (const Ray& ray : family(mesh, each, engine)) rays.push_back(ray);
+  }
+  std::shuffle(rays.begin(), rays.end(), engine);
+  std::vector<RayF> floats;
+  for (const Ray& ray : rays) {
+    RayF narrow{Vec3f(ray.origin), 0, Vec3f(ray.direction), INFINITY};
+    if (floats.size() % 5 == 1) narrow.t_max = 0.75F;
+    if (floats.size() % 97 == 3) narrow.direction = {0, 0, 0};
+    floats.push_back(narrow);
+  }
+  return floats;
+}
+
+std::vector<Ray> Widened(const std::vector<RayF>& rays) {
+  std::vector<Ray> wide;
+  for (std::size_t i = 0; i < rays.size(); ++i)
+    wide.push_back(RayBatch(std::span<const RayF>(rays))[i]);
+  return wide;
+}
+
+std::vector<MeshData> Meshes() {
+  return {RoundToFloat(BumpySphere({0.3, -0.2, 0.1}, 1, 16, 24, 0.3)),
+          UvSphere({448'251.25, 5'411'932.5, 122.75}, 10, 12, 20), Cube({0.5, 0.5, 0.5}, 0.5)};
+}
+
+TEST(N20, BuildThreadsBatchAndEngineChangeNoBit) {
+  for (const MeshData& data : Meshes()) {
+    const ClosedMesh mesh = MakeClosedMesh("mesh", data);
+    const std::vector<RayF> floats = MixedRays(mesh, 200);
+    const std::vector<Ray> rays = Widened(floats);
+    for (const Precision precision : kAllPrecisions) {
+      Answers want;
+      for (const Ray& ray : rays) {
+        want.hits.push_back(BruteForceClosest(*mesh.scene.mesh, ray, precision));
+        want.occluded.push_back(want.hits.back().IsHit() ? 1 : 0);
+      }
+      for (const Scene& scene : MakeScenes(data)) {
+        for (const TraceOptions& way : WaysToTrace(precision)) {
+          for (const int threads : {1, 2, 5}) {
+            Arena arena(threads);
+            arena.Run([&] {
+              for (const std::size_t piece : {std::size_t{1}, std::size_t{13}, rays.size()}) {
+                for (const Answers& got :
+                     {Trace(scene, rays, way, piece), Trace(scene, floats, way, piece)}) {
+                  ASSERT_TRUE(SameBits(got.hits, want.hits))
+                      << Name(scene.tree->build) << ", " << Name(precision) << ", " << threads
+                      << " threads, batches of " << piece;
+                  ASSERT_EQ(got.occluded, want.occluded);
+                }
+              }
+            });
+            if (HasFatalFailure()) return;
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(N20, CountsAndCrossingsDependOnNeitherBuildNorThreadsNorBatch) {
+  for (const MeshData& data : Meshes()) {
+    const ClosedMesh mesh = MakeClosedMesh("mesh", data);
+    const std::vector<Ray> rays = Widened(MixedRays(mesh, 300));
+    const Crossings want = TraceAll(mesh.scene, std::span<const Ray>(rays), 64, {}).value();
+    for (const Scene& scene : MakeScenes(data)) {
+      for (const int threads : {1, 5}) {
+        Arena arena(threads);
+        arena.Run([&] {
+          const Crossings got = TraceAll(scene, std::span<const Ray>(rays), 64, {}).value();
+          ASSERT_TRUE(SameBits(got.hits, want.hits)) << Name(scene.tree->build);
+          ASSERT_EQ(got.first, want.first);
+          std::vector<std::uint32_t> count(1);
+          for (std::size_t i = 0; i < rays.size(); i += 7) {
+            ASSERT_TRUE(
+                TraceCount(scene, std::span<const Ray>(rays).subspan(i, 1), {}, count).ok());
+            ASSERT_EQ(count[0], want.first[i + 1] - want.first[i]);
+          }
+        });
+        if (HasFatalFailure()) return;
+      }
+    }
+  }
+}
+
+TEST(N20, ATreeJustBuiltOneInMemoryAndOneFromDiskAnswerTheSame) {
+  for (const MeshData& data : Meshes()) {
+    const ClosedMesh mesh = MakeClosedMesh("mesh", data);
+    const std::vector<RayF> floats = MixedRays(mesh, 200);
+    const std::vector<std::byte> file = OffBytes(data);
+    const TemporaryFolder folder;
+    LibraryOptions options;
+    options.data_dir = folder.path() / "data";
+    std::map<BuildKind, TreeId> ids;
+    for (const bool from_disk : {false, true}) {
+      const auto library = TreeLibrary::Open(options).value();
+      for (const BuildKind build : kAllBuildKinds) {
+        if (!from_disk) {
+          auto upload = library->BeginUpload(file.size()).value();
+          ASSERT_TRUE(upload.Append(file).ok());
+          ids[build] = library->Finish(std::move(upload), build).value().id;
+        }
+        for (int use = 0; use < 2; ++use) {  // the second time it is in memory
+          const Scene scene = library->Load(ids[build], {}).value();
+          for (const Precision precision : kAllPrecisions) {
+            const Answers want = Trace(mesh.scene, floats, With(precision), floats.size());
+            const Answers got = Trace(scene, floats, With(precision), floats.size());
+            ASSERT_TRUE(SameBits(got.hits, want.hits)) << Name(build) << ", " << Name(precision);
+            ASSERT_EQ(got.occluded, want.occluded);
+          }
+        }
+      }
+      library->Shutdown();
+      const LibraryCounters counters = library->counters();
+      EXPECT_EQ(counters.builds, from_disk ? 0 : kAllBuildKinds.size());
+      EXPECT_EQ(counters.loads, from_disk ? kAllBuildKinds.size() : 0);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace kdray::test
