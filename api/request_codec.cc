@@ -64,6 +64,10 @@ Outcome<ListRequest> DecodeList(std::string_view query, const Limits&) {
   return ReadQuery(ListFields(), query);
 }
 
+Outcome<MeasureRequest> DecodeMeasure(std::string_view query, const Limits& limits) {
+  return ReadQuery(MeasureFields(limits), query);
+}
+
 Outcome<DescribeRequest> DecodeDescribe(std::string_view query, const Limits& limits) {
   return ReadQuery(DescribeFields(limits), query);
 }

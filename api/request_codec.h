@@ -19,6 +19,7 @@ namespace kdray::api {
 Outcome<UploadRequest> DecodeUpload(std::string_view query, const Limits& limits);
 Outcome<ListRequest> DecodeList(std::string_view query, const Limits& limits);
 Outcome<DescribeRequest> DecodeDescribe(std::string_view query, const Limits& limits);
+Outcome<MeasureRequest> DecodeMeasure(std::string_view query, const Limits& limits);
 Outcome<CellsRequest> DecodeCells(std::string_view query, const Limits& limits);
 Outcome<RayOptions> DecodeClosestOptions(std::string_view query, const Limits& limits);
 Outcome<RayOptions> DecodeAnyOptions(std::string_view query, const Limits& limits);

@@ -75,6 +75,10 @@ FieldTable<DescribeRequest> DescribeFields(const Limits& limits) {
   return {{MemberField("wait_ms", UpTo(0, limits.max_wait_ms), &DescribeRequest::wait_ms)}};
 }
 
+FieldTable<MeasureRequest> MeasureFields(const Limits& limits) {
+  return {{MemberField("wait_ms", UpTo(0, limits.max_wait_ms), &MeasureRequest::wait_ms)}};
+}
+
 FieldTable<CellsRequest> CellsFields() {
   FieldTable<CellsRequest> table{
       {MemberField("depth", IntegerKind{0, kMaxDepth}, &CellsRequest::depth)}};

@@ -14,6 +14,7 @@ inline constexpr std::int64_t kMaxWholeSide = 1 << 20;
 FieldTable<UploadRequest> UploadFields(const Limits& limits);
 FieldTable<ListRequest> ListFields();
 FieldTable<DescribeRequest> DescribeFields(const Limits& limits);
+FieldTable<MeasureRequest> MeasureFields(const Limits& limits);
 FieldTable<CellsRequest> CellsFields();
 FieldTable<RayOptions> ClosestFields(const Limits& limits);
 FieldTable<RayOptions> AnyFields(const Limits& limits);

@@ -179,6 +179,54 @@ struct TreePage {
   std::optional<std::string> next;  ///< cursor for `after`
 };
 
+// ---- Measured trade-offs ----
+
+/// Query parameters of POST /v1/trees/{id}/tradeoff.
+struct MeasureRequest {
+  std::int64_t wait_ms = 30000;  ///< 0 answers at once
+};
+
+/// How many of so many rays went wrong. A zero is answered with its 95% bound, 3 / rays.
+struct ErrorRate {
+  std::uint64_t count = 0, rays = 0;
+};
+
+/// What one kind of rays costs.
+struct RayCost {
+  double rays_per_s = 0, slowest = 0, fastest = 0;  ///< the middle run, and the extremes
+  double nodes_per_ray = 0, triangles_per_ray = 0;
+};
+
+struct TradeoffRow {
+  Build build = Build::kKdSah;             ///< never kAuto
+  Precision precision = Precision::kFast;  ///< never kAuto
+  double build_ms = 0;
+  std::uint64_t bytes = 0;
+  double sah_cost = 0;
+  RayCost random, aimed;
+  std::optional<ErrorRate> leaks;  ///< none where the mesh is not closed
+  ErrorRate wrong_triangles, unconnected_triangles, missed_hits, extra_hits, differences;
+  std::uint64_t t_error_rays = 0;
+  double t_error_p999 = 0, t_error_max = 0;  ///< scaled as the bound is
+  std::optional<double> t_error_bound;       ///< none is promised for `fast`
+};
+
+/// The answer of POST and GET /v1/trees/{id}/tradeoff. While it is measured, `progress` alone.
+struct Tradeoff {
+  bool ready = false;
+  double progress = 0;      ///< 0..1
+  std::string measured_at;  ///< RFC 3339, UTC, milliseconds
+  std::uint64_t triangles = 0;
+  bool closed = false;
+  bool aimed_from_inside = false;
+  int threads = 0;
+  double load_average = 0;
+  std::uint64_t runs = 0, disturbed_runs = 0;
+  std::uint64_t seed = 0;
+  double total_ms = 0;
+  std::vector<TradeoffRow> results;  ///< every build with every precision
+};
+
 // ---- Renders ----
 
 enum class Projection : std::uint8_t { kPerspective, kOrthographic };

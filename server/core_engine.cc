@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cstdlib>
 #include <new>
 #include <string>
 #include <utility>
@@ -32,6 +33,23 @@ double MillisecondsSince(SteadyClock::time_point start) {
 api::Problem OutOfMemory() {
   return ToProblem({core::ErrorCode::kMemoryFull, "the system has no memory for this answer now"});
 }
+
+api::Problem NotMeasured() {
+  return {.code = api::ErrorCode::kNotMeasured,
+          .detail = "nothing has been measured for this tree; POST begins it"};
+}
+
+/// One more in a count for as long as it lives.
+class Counted {
+ public:
+  explicit Counted(std::atomic<int>* count) : count_(count) { ++*count_; }
+  ~Counted() { --*count_; }
+  Counted(const Counted&) = delete;
+  Counted& operator=(const Counted&) = delete;
+
+ private:
+  std::atomic<int>* count_;
+};
 
 class CoreMeshBytes final : public MeshBytes {
  public:
@@ -217,6 +235,39 @@ class RealEngine final : public CoreEngine {
     return answer;
   }
 
+  api::Check Measure(std::string_view id) override {
+    const api::Outcome<core::TreeId> tree_id = ToTreeId(id);
+    if (!tree_id.ok()) return tree_id.problem();
+    core::TradeoffOptions options;
+    options.is_disturbed = [this] { return queries_ != 0; };
+    if (getloadavg(&options.load_average, 1) != 1) options.load_average = 0;
+    const core::Status status = library_->Measure(*tree_id, std::move(options));
+    if (!status.ok()) return ToProblem(status.error());
+    return std::nullopt;
+  }
+
+  api::Outcome<api::Tradeoff> WaitForTradeoff(std::string_view id, SteadyClock::time_point until,
+                                              const CancelToken& cancel) override {
+    const api::Outcome<core::TreeId> tree_id = ToTreeId(id);
+    if (!tree_id.ok()) return tree_id.problem();
+    const auto info = library_->WaitForMeasured(*tree_id, until, cancel);
+    if (!info.ok()) return ToProblem(info.error());
+    if (!*info) return NotMeasured();
+    if ((*info)->measured) return ToApi(*(*info)->measured);
+    api::Tradeoff measuring;
+    measuring.progress = (*info)->progress;
+    return measuring;
+  }
+
+  api::Check ForgetTradeoff(std::string_view id) override {
+    const api::Outcome<core::TreeId> tree_id = ToTreeId(id);
+    if (!tree_id.ok()) return tree_id.problem();
+    const core::Result<bool> forgotten = library_->ForgetMeasured(*tree_id);
+    if (!forgotten.ok()) return ToProblem(forgotten.error());
+    if (!*forgotten) return NotMeasured();
+    return std::nullopt;
+  }
+
   bool IsReady() const override { return !shut_down_; }
   void Shutdown() override {
     shut_down_ = true;
@@ -260,6 +311,7 @@ class RealEngine final : public CoreEngine {
     try {
       core::Status status;
       const auto start = SteadyClock::now();
+      const Counted counted(&queries_);
       arena_.Run([&] { status = work(*scene, {precision, cancel}, &answer); });
       if (!status.ok()) return ToProblem(status.error());
       if (answer.trace_ms == 0) answer.trace_ms = MillisecondsSince(start);
@@ -271,8 +323,9 @@ class RealEngine final : public CoreEngine {
 
   const api::Limits limits_;
   core::Arena arena_;
-  std::unique_ptr<core::TreeLibrary> library_;
   std::atomic<bool> shut_down_{false};
+  std::atomic<int> queries_{0};  // at work now; the library's measurings look at it
+  std::unique_ptr<core::TreeLibrary> library_;
 };
 
 }  // namespace

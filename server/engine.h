@@ -92,6 +92,16 @@ class Engine {
   virtual api::Outcome<std::vector<api::Cell>> Cells(std::string_view id, std::uint32_t depth,
                                                      const CancelToken& cancel) = 0;
 
+  /// Begins to measure speed and accuracy on the mesh, in the background, unless that is under way.
+  virtual api::Check Measure(std::string_view id) = 0;
+  /// What was measured, or how far it is; waits until it has ended, or `until` or `cancel` comes.
+  /// not_measured; the problem of a measuring that failed.
+  virtual api::Outcome<api::Tradeoff> WaitForTradeoff(std::string_view id,
+                                                      std::chrono::steady_clock::time_point until,
+                                                      const CancelToken& cancel) = 0;
+  /// Stops a measuring and forgets what was measured: not_measured when there is neither.
+  virtual api::Check ForgetTradeoff(std::string_view id) = 0;
+
   /// For /readyz: what was stored before has been read in.
   virtual bool IsReady() const = 0;
   /// Stops builds and waits for them; a build cut off here resumes at the next start. Queries under

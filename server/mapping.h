@@ -16,6 +16,7 @@
 #include "core/library/tree_library.h"
 #include "core/render/renderer.h"
 #include "core/scene/tree_id.h"
+#include "core/store/tradeoff_file.h"
 #include "core/trace/precision.h"
 #include "core/tree/build_kind.h"
 #include "core/tree/tree_cell.h"
@@ -57,5 +58,6 @@ inline api::RayHit ToApi(const core::Hit& hit) {
 core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision precision);
 api::ImageArray ToApi(core::RenderedImage image);
 api::Cell ToApi(const core::TreeCell& cell);
+api::Tradeoff ToApi(const core::MeasuredTradeoff& measured);
 
 }  // namespace kdray::server

@@ -7,6 +7,7 @@
 #include "server/handlers/documents.h"
 #include "server/handlers/rays.h"
 #include "server/handlers/render.h"
+#include "server/handlers/tradeoff.h"
 #include "server/handlers/trees.h"
 #include "server/pages/viewer_files.h"
 
@@ -28,6 +29,10 @@ constexpr std::array kContract = {
     Route{.path = "/v1/trees/{id}/render.png", .get = GetRenderPng, .post = PostRenderPng},
     Route{.path = "/v1/trees/{id}/render.npy", .get = GetRenderNpy, .post = PostRenderNpy},
     Route{.path = "/v1/trees/{id}/cells", .get = GetCells},
+    Route{.path = "/v1/trees/{id}/tradeoff",
+          .get = GetTradeoff,
+          .post = PostTradeoff,
+          .del = DeleteTradeoff},
 };
 
 /// The part up to the next slash; `path` keeps the rest, that slash in front.

@@ -140,6 +140,47 @@ TEST_F(RealEngine, SaysWhichPrecisionAnswersAndWhatAMeshOfDoublesLosesInTheOther
   EXPECT_EQ(image.Header("kdray-precision"), "exact");
 }
 
+TEST_F(RealEngine, MeasuresWhatSpeedCostsInAccuracy) {
+  const std::string id = running_->Upload(test::ObjText(test::Cube({0, 0, 0}, 1)));
+  const std::string path = "/v1/trees/" + id + "/tradeoff";
+  EXPECT_EQ(running_->Code("GET", path), "not_measured");
+
+  // It takes some seconds, so this is still under way, and is stopped.
+  ASSERT_EQ(running_->Ask("POST", path + "?wait_ms=0").status, 202);
+  const RawAnswer under_way = running_->Ask("GET", path);
+  EXPECT_EQ(under_way.status, 202);
+  EXPECT_EQ(Json(under_way).at("state"), "measuring");
+  EXPECT_LT(Json(under_way).at("progress"), 1);
+  EXPECT_EQ(running_->Ask("DELETE", path).status, 204);
+  EXPECT_EQ(running_->Code("GET", path), "not_measured");
+
+  ASSERT_EQ(running_->Ask("POST", path + "?wait_ms=0").status, 202);
+  // Queries go on meanwhile.
+  EXPECT_EQ(
+      running_->Ask("POST", "/v1/trees/" + id + "/rays/any", R"({"rays":[[0,0,5,0,0,-1]]})").status,
+      200);
+  const RawAnswer answer = running_->Ask("GET", path + "?wait_ms=60000");
+  ASSERT_EQ(answer.status, 200) << answer.body;
+  const json measured = Json(answer);
+  EXPECT_EQ(measured.at("mesh"), json({{"triangles", 12}, {"closed", true}}));
+  EXPECT_EQ(measured.at("conditions").at("threads"), 2);
+  ASSERT_EQ(measured.at("results").size(), 24U);
+  for (const json& row : measured.at("results")) {
+    const std::string name =
+        row.at("build").get<std::string>() + " " + row.at("precision").get<std::string>();
+    EXPECT_EQ(row.at("differences").at("count"), 0) << name;
+    EXPECT_GT(row.at("random").at("rays_per_s"), 0) << name;
+    if (row.at("precision") == "fast") {
+      EXPECT_GT(row.at("leaks").at("count"), 0) << name;
+      continue;
+    }
+    EXPECT_EQ(row.at("leaks").at("count"), 0) << name;
+    EXPECT_GT(row.at("leaks").at("below"), 0) << name;
+    EXPECT_LE(row.at("t_error").at("max"), row.at("t_error").at("bound")) << name;
+  }
+  EXPECT_EQ(Json(running_->Ask("GET", path)), measured);
+}
+
 TEST_F(RealEngine, RendersWhatIsThere) {
   const std::string id = running_->Upload(test::ObjText(test::IcoSphere({0, 0, 0}, 1, 3)));
   const std::string path = "/v1/trees/" + id;
@@ -201,7 +242,7 @@ TEST_F(RealEngine, RefusesWrongInputAndGoesOn) {
       {"POST", "/v1/trees", "certainly no mesh", 415, "unsupported_mesh_format"},
       {"POST", "/v1/trees", "v 0 0 0\nv 1 0 0\n", 422, "empty_mesh"},
       {"POST", path + "/points/closest", "{}", 404, "not_found"},
-      {"GET", path + "/tradeoff", "", 404, "not_found"},
+      {"GET", path + "/tradeoffs", "", 404, "not_found"},
   };
   for (const Case& wrong : cases) {
     const RawAnswer answer = running_->Ask(wrong.method, wrong.path, wrong.body);

@@ -282,6 +282,34 @@ TEST_F(ServiceOverHttp, ListsCells) {
   EXPECT_EQ(running_.Code("GET", Tree("/cells")), "invalid_parameter");
 }
 
+TEST_F(ServiceOverHttp, MeasuresATradeoffWhenItIsAskedTo) {
+  const std::string path = Tree("/tradeoff");
+  EXPECT_EQ(running_.Code("GET", path), "not_measured");
+  EXPECT_EQ(running_.Code("DELETE", path), "not_measured");
+  EXPECT_EQ(running_.Code("POST", path, "body"), "malformed_request");
+
+  engine_.hold = true;
+  const RawAnswer begun = running_.Ask("POST", path + "?wait_ms=0");
+  EXPECT_EQ(begun.status, 202);
+  EXPECT_EQ(Json(begun), json({{"state", "measuring"}, {"progress", 0.5}}));
+  EXPECT_EQ(begun.Header("cache-control"), "no-store");
+  EXPECT_EQ(running_.Ask("GET", path).status, 202);
+
+  engine_.hold = false;
+  const RawAnswer ended = running_.Ask("GET", path);
+  EXPECT_EQ(ended.status, 200);
+  EXPECT_EQ(Json(ended).at("results").size(), 24U);
+  EXPECT_EQ(ended.Header("cache-control"), "no-cache");
+  EXPECT_EQ(running_.Ask("POST", path).status, 200);
+
+  EXPECT_EQ(running_.Ask("DELETE", path).status, 204);
+  EXPECT_EQ(running_.Code("GET", path), "not_measured");
+  for (const char* method : {"GET", "POST", "DELETE"}) {
+    EXPECT_EQ(running_.Code(method, "/v1/trees/" + std::string(64, '0') + "-auto/tradeoff"),
+              "tree_not_found");
+  }
+}
+
 TEST_F(ServiceOverHttp, TellsAboutItself) {
   const json capabilities = Json(running_.Ask("GET", "/v1"));
   EXPECT_EQ(capabilities.at("name"), "kdray");
@@ -353,7 +381,10 @@ TEST_F(ServiceOverHttp, RefusesUnknownParametersEverywhere) {
                                                         {"POST", Tree("/render.png")},
                                                         {"GET", Tree("/render.npy")},
                                                         {"POST", Tree("/render.npy")},
-                                                        {"GET", Tree("/cells")}}) {
+                                                        {"GET", Tree("/cells")},
+                                                        {"POST", Tree("/tradeoff")},
+                                                        {"GET", Tree("/tradeoff")},
+                                                        {"DELETE", Tree("/tradeoff")}}) {
     const RawAnswer answer = running_.Ask(method, path + "?typo=1");
     EXPECT_EQ(RunningService::CodeOf(answer), "invalid_parameter") << method << path;
     EXPECT_EQ(Json(answer).at("parameter"), "typo") << method << path;

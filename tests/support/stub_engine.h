@@ -167,6 +167,32 @@ class StubEngine final : public server::Engine {
         {.bounds = {{0, 0, 0}, {1, 1, 1}}, .depth = depth, .leaf = true, .triangles = 1}};
   }
 
+  api::Check Measure(std::string_view id) override {
+    const std::lock_guard lock(mutex_);
+    measured_.emplace(std::string(id), false);
+    return std::nullopt;
+  }
+  api::Outcome<api::Tradeoff> WaitForTradeoff(std::string_view id,
+                                              std::chrono::steady_clock::time_point,
+                                              const server::CancelToken&) override {
+    const std::lock_guard lock(mutex_);
+    if (trees_.find(std::string(id)) == trees_.end()) return NotFound();
+    const auto found = measured_.find(std::string(id));
+    if (found == measured_.end()) return NotMeasured();
+    found->second = found->second || !hold;
+    api::Tradeoff tradeoff;
+    tradeoff.ready = found->second;
+    tradeoff.progress = 0.5;
+    if (tradeoff.ready) tradeoff.results.resize(24);
+    return tradeoff;
+  }
+  api::Check ForgetTradeoff(std::string_view id) override {
+    const std::lock_guard lock(mutex_);
+    if (trees_.find(std::string(id)) == trees_.end()) return NotFound();
+    if (measured_.erase(std::string(id)) == 0) return NotMeasured();
+    return std::nullopt;
+  }
+
   bool IsReady() const override { return ready; }
   void Shutdown() override { was_shut_down = true; }
 
@@ -199,6 +225,9 @@ class StubEngine final : public server::Engine {
     std::string bytes_;
   };
 
+  static api::Problem NotMeasured() {
+    return {.code = api::ErrorCode::kNotMeasured, .detail = "nothing measured"};
+  }
   static api::Problem NotFound() {
     return {.code = api::ErrorCode::kTreeNotFound, .detail = "no such tree"};
   }
@@ -258,6 +287,7 @@ class StubEngine final : public server::Engine {
 
   mutable std::mutex mutex_;
   std::map<std::string, std::string> trees_;  ///< id to mesh bytes
+  std::map<std::string, bool> measured_;      ///< id to whether it has ended; not while `hold`
 };
 
 }  // namespace kdray::test

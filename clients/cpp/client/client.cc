@@ -29,6 +29,14 @@ Tree TreeFrom(Json description, int status) {
   return tree;
 }
 
+Tradeoff TradeoffFrom(Json document) {
+  Tradeoff tradeoff;
+  tradeoff.ready = document.value("state", "") == "measured";
+  tradeoff.progress = document.value("progress", 0.0);
+  tradeoff.document = std::move(document);
+  return tradeoff;
+}
+
 // Ids come from people: what is not a plain character of one must not become part of a path.
 std::string TreePath(const std::string& id) {
   if (id.find_first_not_of("0123456789abcdefghijklmnopqrstuvwxyz.-") != std::string::npos)
@@ -127,6 +135,26 @@ Answer Client::Render(const std::string& id, const std::string& format, const Pa
 Json Client::Cells(const std::string& id, int depth) {
   return ParseAnswer(
       Call({.path = TreePath(id) + "/cells", .query = {{"depth", std::to_string(depth)}}}));
+}
+
+Tradeoff Client::MeasureTradeoff(const std::string& id, int wait_ms) {
+  return TradeoffFrom(ParseAnswer(Call({.method = "POST",
+                                        .path = TreePath(id) + "/tradeoff",
+                                        .query = {{"wait_ms", std::to_string(wait_ms)}}})));
+}
+
+std::optional<Tradeoff> Client::FindTradeoff(const std::string& id, int wait_ms) {
+  try {
+    return TradeoffFrom(ParseAnswer(Call(
+        {.path = TreePath(id) + "/tradeoff", .query = {{"wait_ms", std::to_string(wait_ms)}}})));
+  } catch (const Refusal& refusal) {
+    if (refusal.problem.code == "not_measured") return std::nullopt;
+    throw;
+  }
+}
+
+void Client::ForgetTradeoff(const std::string& id) {
+  Call({.method = "DELETE", .path = TreePath(id) + "/tradeoff"});
 }
 
 std::string TreeIdOf(const std::string& sha256, const std::string& build) {

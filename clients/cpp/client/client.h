@@ -33,6 +33,13 @@ struct Answer {
   HttpResponse response;  ///< its body has moved to `body`
 };
 
+/// Speed and accuracy as they were measured on a mesh, or how far that is.
+struct Tradeoff {
+  bool ready = false;
+  double progress = 0;  ///< 0..1
+  Json document;        ///< the server's whole answer
+};
+
 /// Calls wait for the answer. All throw Refusal when the server says no, ConnectionError when it
 /// says nothing, and LocalFileError when a file to be sent cannot be read. Not safe from several
 /// threads: give each its own.
@@ -74,6 +81,16 @@ class Client {
 
   /// GET /v1/trees/{id}/cells.
   Json Cells(const std::string& id, int depth);
+
+  /// POST /v1/trees/{id}/tradeoff: begins to measure, unless that is under way, and waits for the
+  /// end, `wait_ms` at most.
+  Tradeoff MeasureTradeoff(const std::string& id, int wait_ms);
+
+  /// GET /v1/trees/{id}/tradeoff; nullopt where nothing was measured.
+  std::optional<Tradeoff> FindTradeoff(const std::string& id, int wait_ms = 0);
+
+  /// DELETE /v1/trees/{id}/tradeoff: stops measuring and forgets.
+  void ForgetTradeoff(const std::string& id);
 
   const ClientOptions& options() const { return transport_.options(); }
 

@@ -38,6 +38,7 @@ int RunCommand(std::span<const std::string> arguments, Console console) {
   AddRender(app, session);
   AddRays(app, session);
   AddTreeCommands(app, session);
+  AddTradeoff(app, session);
   AddSamples(app, session);
 
   try {

@@ -27,6 +27,8 @@ class Session {
   /// `auto`), everything else is an id or the beginning of one.
   std::string TreeIdFor(Client& client, const std::string& id_or_file);
 
+  bool quiet() const { return quiet_; }
+
   /// A line for people; nothing under --quiet.
   void Say(const std::string& line);
 

@@ -18,6 +18,7 @@
 #include "api/openapi_document.h"
 #include "api/request_codec.h"
 #include "api/request_fields.h"
+#include "api/tradeoff_codec.h"
 #include "api/tree_id.h"
 
 namespace kdray::api {
@@ -246,6 +247,8 @@ TEST(OpenApi, DescribesTheParametersAsTheyAreRead) {
   ExpectParameters("/v1/trees", "get", ListFields());
   ExpectParameters("/v1/trees/{id}", "get", DescribeFields(limits));
   ExpectParameters("/v1/trees/{id}/cells", "get", CellsFields());
+  ExpectParameters("/v1/trees/{id}/tradeoff", "post", MeasureFields(limits));
+  ExpectParameters("/v1/trees/{id}/tradeoff", "get", DescribeFields(limits));
   ExpectParameters("/v1/trees/{id}/rays/closest", "post", ClosestFields(limits));
   ExpectParameters("/v1/trees/{id}/rays/any", "post", AnyFields(limits));
   ExpectParameters("/v1/trees/{id}/render.png", "get", RenderFields(limits));
@@ -329,6 +332,41 @@ TEST(Examples, OfDescriptionsAreWhatIsWritten) {
   EXPECT_EQ(json::parse(EncodeDescription(young)), building);
   EXPECT_EQ(json::parse(EncodePage({{young}, std::nullopt})),
             Example("/paths/~1v1~1trees/get" + kOkJson + "last"));
+}
+
+TEST(Examples, OfTradeoffsAreWhatIsWritten) {
+  const std::string post = "/paths/~1v1~1trees~1{id}~1tradeoff/post/responses/";
+  Tradeoff tradeoff;
+  tradeoff.progress = 0.375;
+  EXPECT_EQ(json::parse(EncodeTradeoff(tradeoff)),
+            Example(post + "202/content/application~1json/examples/measuring"));
+  tradeoff.ready = true;
+  tradeoff.measured_at = "2024-05-17T09:31:00.500Z";
+  tradeoff.triangles = 14160;
+  tradeoff.closed = tradeoff.aimed_from_inside = true;
+  tradeoff.threads = 8;
+  tradeoff.load_average = 0.25;
+  tradeoff.runs = 144;
+  tradeoff.seed = 1;
+  tradeoff.total_ms = 8250.5;
+  TradeoffRow row;
+  row.build = Build::kKdSah;
+  row.precision = Precision::kWatertight;
+  row.build_ms = 62.5;
+  row.bytes = 524288;
+  row.sah_cost = 40.5;
+  row.random = {8e6, 7.5e6, 8.25e6, 21.5, 4.75};
+  row.aimed = {7e6, 6.5e6, 7.25e6, 18.25, 6.5};
+  row.leaks = ErrorRate{0, 60000};
+  row.wrong_triangles = {30000, 60000};
+  row.unconnected_triangles = row.missed_hits = row.extra_hits = row.differences = {0, 60000};
+  row.t_error_rays = 60000;
+  row.t_error_p999 = 1.25e-8;
+  row.t_error_max = 4e-8;
+  row.t_error_bound = 1e-6;
+  tradeoff.results = {row};
+  EXPECT_EQ(json::parse(EncodeTradeoff(tradeoff)),
+            Example(post + "200/content/application~1json/examples/sphere"));
 }
 
 TEST(Examples, OfTheOtherAnswersAreWhatIsWritten) {

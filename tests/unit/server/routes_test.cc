@@ -12,16 +12,28 @@ RouteMatch Find(std::string_view method, std::string_view path) {
 }
 
 TEST(Routes, AnswerEveryPathOfTheContract) {
-  for (const auto& [method, path] :
-       {std::pair("GET", "/"), std::pair("GET", "/healthz"), std::pair("GET", "/readyz"),
-        std::pair("GET", "/openapi.json"), std::pair("GET", "/docs"),
-        std::pair("GET", "/problems/internal"), std::pair("GET", "/v1"),
-        std::pair("GET", "/v1/trees"), std::pair("POST", "/v1/trees"),
-        std::pair("GET", "/v1/trees/x"), std::pair("DELETE", "/v1/trees/x"),
-        std::pair("GET", "/v1/trees/x/mesh"), std::pair("POST", "/v1/trees/x/rays/closest"),
-        std::pair("POST", "/v1/trees/x/rays/any"), std::pair("GET", "/v1/trees/x/render.png"),
-        std::pair("POST", "/v1/trees/x/render.png"), std::pair("GET", "/v1/trees/x/render.npy"),
-        std::pair("POST", "/v1/trees/x/render.npy"), std::pair("GET", "/v1/trees/x/cells")}) {
+  for (const auto& [method, path] : {std::pair("GET", "/"),
+                                     std::pair("GET", "/healthz"),
+                                     std::pair("GET", "/readyz"),
+                                     std::pair("GET", "/openapi.json"),
+                                     std::pair("GET", "/docs"),
+                                     std::pair("GET", "/problems/internal"),
+                                     std::pair("GET", "/v1"),
+                                     std::pair("GET", "/v1/trees"),
+                                     std::pair("POST", "/v1/trees"),
+                                     std::pair("GET", "/v1/trees/x"),
+                                     std::pair("DELETE", "/v1/trees/x"),
+                                     std::pair("GET", "/v1/trees/x/mesh"),
+                                     std::pair("POST", "/v1/trees/x/rays/closest"),
+                                     std::pair("POST", "/v1/trees/x/rays/any"),
+                                     std::pair("GET", "/v1/trees/x/render.png"),
+                                     std::pair("POST", "/v1/trees/x/render.png"),
+                                     std::pair("GET", "/v1/trees/x/render.npy"),
+                                     std::pair("POST", "/v1/trees/x/render.npy"),
+                                     std::pair("GET", "/v1/trees/x/cells"),
+                                     std::pair("POST", "/v1/trees/x/tradeoff"),
+                                     std::pair("GET", "/v1/trees/x/tradeoff"),
+                                     std::pair("DELETE", "/v1/trees/x/tradeoff")}) {
     EXPECT_NE(Find(method, path).handler, nullptr) << method << path;
   }
 }
