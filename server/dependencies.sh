@@ -28,6 +28,7 @@ END
 chromium
 chromium-driver
 curl
+libcgal-dev
 libembree-dev
 libgmock-dev
 libgtest-dev
