@@ -83,6 +83,16 @@ TEST_F(DaemonProcess, EndsWithTwoForWrongOptions) {
   EXPECT_EQ(version.output(), "kdrayd " KDRAY_VERSION "\n");
 }
 
+#ifdef KDRAY_FLUSH_TO_ZERO
+// N22 of the catalogue.
+TEST_F(DaemonProcess, N22RefusesToStartWhereNumbersAreFlushedToZero) {
+  Daemon daemon(Options(), {"LD_PRELOAD=" KDRAY_FLUSH_TO_ZERO});
+  EXPECT_EQ(daemon.WaitForPort(), std::nullopt);
+  EXPECT_EQ(daemon.WaitForExit(), 1);
+  EXPECT_THAT(daemon.errors(), HasSubstr("denormal"));
+}
+#endif
+
 TEST_F(DaemonProcess, RefusesAPortOrADataDirectoryThatIsTaken) {
   Daemon first(Options());
   const int port = PortOf(first);
