@@ -167,7 +167,7 @@ class BvhBuilder {
   std::optional<BvhSplit> FindSplit(std::span<const Reference> references,
                                     const Bounding& bounding) const {
     const double area = Area(bounding.bounds);
-    double best_cost = cost_.Leaf(references.size());
+    double best_cost = cost_.Subtree(references.size());
     std::optional<BvhSplit> best;
     for (int axis = 0; axis < 3; ++axis) {
       const BinScale scale(bounding.centers, axis);

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <limits>
+
+#include "core/base/float4.h"
 
 namespace kdray::core {
 
@@ -90,6 +93,117 @@ Bounds3f ClippedBounds(const std::array<Vec3d, 3>& corners, const Bounds3f& box)
   }
   // The triangle's own bounds take the slack away again wherever the extreme point is a corner.
   return Intersection(RoundOutward(clipped), allowed);
+}
+
+// Both halves at once, in floats.
+//
+// A corner made by clipping is off by at most delta = 2^-21 e + 2^-22 m on each axis, e being the
+// triangle's extent and m its largest coordinate there: five roundings of the way along the edge
+// and one of the sum are 5/8 and 1/4 of that. Rounding the triangle's own corners to floats moves
+// them by less than delta, too. As above, let each plane lie 8 delta outside the box; after it, at
+// most five faces of the box, and the cut, a common point is within 7 delta of the polygon, and the
+// rest of 8 delta covers the rounding of the planes and of the widening.
+namespace {
+
+// What all operations may lose below the normal floats.
+constexpr float kUnderflow = 0x1p-140f;
+
+struct FloatPolygon {
+  Float4 corners[Polygon::kMaxCorners];
+  std::size_t size;
+};
+
+struct Range4 {
+  Float4 low = Fill4(std::numeric_limits<float>::infinity());
+  Float4 high = Fill4(-std::numeric_limits<float>::infinity());
+
+  void Add(Float4 p) {
+    low = Min4(low, p);
+    high = Max4(high, p);
+  }
+};
+
+// f(corner) for the corners of the polygon's part on the inner side of the plane, in order.
+template <class F>
+void ForEachClippedCorner(const FloatPolygon& polygon, int axis, float plane, float side,
+                          const F& f) {
+  Float4 previous = polygon.corners[polygon.size - 1];
+  bool previous_inside = side * (previous[axis] - plane) <= 0;
+  for (std::size_t i = 0; i < polygon.size; ++i) {
+    const Float4 corner = polygon.corners[i];
+    const bool inside = side * (corner[axis] - plane) <= 0;
+    if (inside != previous_inside) {
+      const float fraction = (plane - previous[axis]) / (corner[axis] - previous[axis]);
+      Float4 made = previous + Fill4(fraction) * (corner - previous);
+      made[axis] = plane;
+      f(made);
+    }
+    if (inside) f(corner);
+    previous = corner;
+    previous_inside = inside;
+  }
+}
+
+Bounds3f ToBounds(const Range4& range, Float4 slack) {
+  const Float4 low = range.low - slack;
+  const Float4 high = range.high + slack;
+  return {{low[0], low[1], low[2]}, {high[0], high[1], high[2]}};
+}
+
+// Whether a float can tell the places along the triangle apart.
+bool IsResolved(Float4 extent, Float4 largest) {
+  constexpr float kResolution = 0x1p-13f;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (extent[axis] < kResolution * largest[axis] && extent[axis] > 0) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+ClippedHalves ClippedHalfBounds(const std::array<Vec3d, 3>& corners, const Bounds3f& box,
+                                const Bounds3f& bounds, int axis, float position) {
+  FloatPolygon polygons[2];
+  FloatPolygon* polygon = &polygons[0];
+  FloatPolygon* spare = &polygons[1];
+  Range4 whole;
+  for (std::size_t i = 0; i < 3; ++i) {
+    polygon->corners[i] = Float4{static_cast<float>(corners[i].x), static_cast<float>(corners[i].y),
+                                 static_cast<float>(corners[i].z), 0};
+    whole.Add(polygon->corners[i]);
+  }
+  polygon->size = 3;
+  const Float4 extent = whole.high - whole.low;
+  const Float4 largest = Max4(whole.high, -whole.low);
+  Bounds3f below_box = box;
+  Bounds3f above_box = box;
+  below_box.max[axis] = position;
+  above_box.min[axis] = position;
+  if (!IsResolved(extent, largest)) {
+    return {Intersection(ClippedBounds(corners, below_box), bounds),
+            Intersection(ClippedBounds(corners, above_box), bounds)};
+  }
+
+  const Float4 delta = Fill4(0x1p-21f) * extent + Fill4(0x1p-22f) * largest + Fill4(kUnderflow);
+  const Float4 slack = Fill4(8) * delta;
+  for (int k = 0; k < 3; ++k) {
+    for (const float side : {-1.0f, 1.0f}) {
+      const float plane = side < 0 ? box.min[k] : box.max[k];
+      if (side < 0 ? whole.low[k] >= plane : whole.high[k] <= plane) continue;
+      spare->size = 0;
+      ForEachClippedCorner(*polygon, k, plane + side * slack[k], side,
+                           [&](Float4 corner) { spare->corners[spare->size++] = corner; });
+      std::swap(polygon, spare);
+      if (polygon->size == 0) return {Bounds3f::Empty(), Bounds3f::Empty()};
+    }
+  }
+
+  Range4 below, above;
+  const float outward = slack[axis];
+  ForEachClippedCorner(*polygon, axis, position + outward, 1.0f, [&](Float4 p) { below.Add(p); });
+  ForEachClippedCorner(*polygon, axis, position - outward, -1.0f, [&](Float4 p) { above.Add(p); });
+  return {Intersection(ToBounds(below, slack), Intersection(bounds, below_box)),
+          Intersection(ToBounds(above, slack), Intersection(bounds, above_box))};
 }
 
 }  // namespace kdray::core

@@ -15,4 +15,16 @@ namespace kdray::core {
 /// in size. Source: Sutherland and Hodgman, "Reentrant Polygon Clipping", CACM 17(1), 1974.
 Bounds3f ClippedBounds(const std::array<Vec3d, 3>& corners, const Bounds3f& box);
 
+/// Bounds of the triangle's parts in the two halves of a box.
+struct ClippedHalves {
+  Bounds3f below, above;
+};
+
+/// The same for both halves of a box that is cut at `position` across `axis`, within `bounds`,
+/// which are known to contain what triangle and box have in common; much faster, and less tight
+/// where clipping makes corners: 2^-18 in place of 2^-46. (Not for triangles that are so small
+/// beside their coordinates that it would show.) `position` lies within the box.
+ClippedHalves ClippedHalfBounds(const std::array<Vec3d, 3>& corners, const Bounds3f& box,
+                                const Bounds3f& bounds, int axis, float position);
+
 }  // namespace kdray::core

@@ -9,12 +9,15 @@
 
 namespace kdray::core {
 
-/// The cheapest of the cuts at the 33 faces of 32 equal bins across the references' bounds, on each
-/// axis; nothing when a leaf is cheaper. Counts are exact, so the outermost two planes cut off
-/// exactly the empty space. Large nodes are counted in parallel, with the same result. O(n) time.
-/// Source: Shevtsov, Soupikov, Kapustin, "Highly Parallel Fast KD-tree Construction for Interactive
-/// Ray Tracing of Dynamic Scenes", 2007 (min-max binning).
+/// The cheapest of the cuts at evenly spaced planes, on each axis, and of those at the faces of
+/// `bounds`, which cut off exactly the empty space; nothing when a leaf is cheaper. The planes lie
+/// at the multiples of a power of two, which makes from 16 to 32 bins of an axis. (Fewer where the
+/// bounds are a few floats wide.) `bounds` is the union of the references'; counts are exact. Large
+/// nodes are counted in parallel, with the same result. O(n) time. Source: Shevtsov, Soupikov,
+/// Kapustin, "Highly Parallel Fast KD-tree Construction for Interactive Ray Tracing of Dynamic
+/// Scenes", 2007 (min-max binning).
 std::optional<SplitCandidate> FindBinnedSplit(std::span<const Reference> references,
-                                              const Bounds3f& cell, const SahCost& cost);
+                                              const Bounds3f& bounds, const Bounds3f& cell,
+                                              const SahCost& cost);
 
 }  // namespace kdray::core

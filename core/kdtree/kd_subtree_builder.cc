@@ -15,8 +15,8 @@ constexpr std::size_t kPollReferences = 4096;
 
 KdPiece KdSubtreeBuilder::Build(std::span<const Reference> references, const KdBuildTask& task) {
   piece_.Clear();
-  stack_size_ = 0;
-  std::copy(references.begin(), references.end(), Push(references.size()));
+  stack_.assign(references.begin(), references.end());
+  stack_size_ = references.size();
   BuildNode(references.size(), task);
   return {{piece_.nodes.begin(), piece_.nodes.end()},
           {piece_.node_bounds.begin(), piece_.node_bounds.end()},
@@ -24,12 +24,14 @@ KdPiece KdSubtreeBuilder::Build(std::span<const Reference> references, const KdB
 }
 
 std::optional<SplitCandidate> KdSubtreeBuilder::FindSplit(std::span<const Reference> references,
+                                                          const Bounds3f& bounds,
                                                           const KdBuildTask& task) {
   if (task.depth >= context_.max_depth) return std::nullopt;
   switch (context_.rule) {
     case KdSplitRule::kSah:
     case KdSplitRule::kBinned:
-      return FindBinnedSplit(references, task.cell, context_.cost);
+      if (references.size() <= SahCost::kBlock) return std::nullopt;
+      return FindBinnedSplit(references, bounds, task.cell, context_.cost);
     case KdSplitRule::kCyclic:
       return note_.FindCyclic(references, task.cell, task.depth);
     case KdSplitRule::kMedian:
@@ -41,31 +43,35 @@ std::optional<SplitCandidate> KdSubtreeBuilder::FindSplit(std::span<const Refere
 
 void KdSubtreeBuilder::BuildNode(std::size_t count, const KdBuildTask& task) {
   const std::size_t begin = stack_size_ - count;
-  const auto references = [&] { return std::span<const Reference>(stack_).subspan(begin, count); };
+  const std::span<Reference> references = std::span(stack_).subspan(begin, count);
 
   if (context_.rule == KdSplitRule::kSah && count <= KdBuildLimits::kSweepReferences) {
-    sweep_.Build(references(), task, &piece_);
+    sweep_.Build(references, task, &piece_);
     stack_size_ = begin;
     return;
   }
 
   const bool stop = count >= kPollReferences && context_.monitor.ShouldStop();
-  const std::optional<SplitCandidate> split = stop ? std::nullopt : FindSplit(references(), task);
+  const Bounds3f bounds = UnionBounds(references);
+  const std::optional<SplitCandidate> split =
+      stop ? std::nullopt : FindSplit(references, bounds, task);
   if (!split || !task.budget.Allows(split->below, split->above)) {
-    EmitLeaf(references(), task);
+    EmitLeaf(references, bounds, task);
     stack_size_ = begin;
     return;
   }
 
-  // The below child comes first in memory, so it goes on top. The parent's references are not
-  // needed any more; the children's move down into their place.
-  Reference* children = Push(split->above + split->below);
-  const SideCounts counts =
-      Distribute(context_.mesh, references(), task.cell, *split, children + split->above, children);
-  Reference* place = stack_.data() + begin;
-  std::copy_n(children, counts.above, place);
-  std::copy_n(children + split->above, counts.below, place + counts.above);
+  // The below child comes first in memory, so it goes on top. The above child's references stay
+  // where their parent's were.
+  if (below_.size() < count) {
+    below_.resize(count);
+    cut_.resize(count);
+  }
+  const SideCounts counts = Distribute(context_.mesh, references, task.cell, *split, below_.data(),
+                                       references.data(), cut_.data());
   stack_size_ = begin + counts.above + counts.below;
+  if (stack_.size() < stack_size_) stack_.resize(std::max(stack_size_, stack_.size() * 2));
+  std::copy_n(below_.data(), counts.below, stack_.data() + begin + counts.above);
 
   const auto [below, above] = task.Divide(split->plane, counts.below, counts.above);
   const std::size_t interior = piece_.BeginInterior();
@@ -75,18 +81,11 @@ void KdSubtreeBuilder::BuildNode(std::size_t count, const KdBuildTask& task) {
   piece_.EndInterior(interior);
 }
 
-void KdSubtreeBuilder::EmitLeaf(std::span<const Reference> references, const KdBuildTask& task) {
+void KdSubtreeBuilder::EmitLeaf(std::span<const Reference> references, const Bounds3f& bounds,
+                                const KdBuildTask& task) {
   for (const Reference& reference : references) piece_.primitives.push_back(reference.id);
-  piece_.EndLeaf(references.size(), UnionBounds(references));
+  piece_.EndLeaf(references.size(), bounds);
   context_.monitor.AddDone(task.share);
-}
-
-Reference* KdSubtreeBuilder::Push(std::size_t count) {
-  if (stack_.size() < stack_size_ + count) {
-    stack_.resize(std::max(stack_size_ + count, stack_.size() * 2));
-  }
-  stack_size_ += count;
-  return stack_.data() + (stack_size_ - count);
 }
 
 }  // namespace kdray::core

@@ -23,22 +23,23 @@ class KdSubtreeBuilder {
 
   KdPiece Build(std::span<const Reference> references, const KdBuildTask& task);
 
-  /// Where the rule cuts a node with these references; nothing when it should be a leaf. The
-  /// budget is the caller's to check.
+  /// Where the rule cuts a node with these references, `bounds` being the union of theirs; nothing
+  /// when it should be a leaf. The budget is the caller's to check.
   std::optional<SplitCandidate> FindSplit(std::span<const Reference> references,
-                                          const KdBuildTask& task);
+                                          const Bounds3f& bounds, const KdBuildTask& task);
 
  private:
   // The node's references are the uppermost `count` on the stack; they are gone afterwards.
   void BuildNode(std::size_t count, const KdBuildTask& task);
-  void EmitLeaf(std::span<const Reference> references, const KdBuildTask& task);
-  Reference* Push(std::size_t count);
+  void EmitLeaf(std::span<const Reference> references, const Bounds3f& bounds,
+                const KdBuildTask& task);
 
   const KdBuildContext& context_;
   SweepBuilder sweep_;
   NoteSplitFinder note_;
   std::vector<Reference> stack_;  // as large as it ever was; stack_size_ of it in use
   std::size_t stack_size_ = 0;
+  std::vector<Reference> below_, cut_;  // only while a node is split
   KdPiece piece_;
 };
 

@@ -49,12 +49,15 @@ class KdTreeBuilder {
       return;
     }
     std::optional<SplitCandidate> split;
-    if (!monitor_.ShouldStop()) split = KdSubtreeBuilder(context_).FindSplit(references, task);
+    const Bounds3f bounds = UnionBounds(references);
+    if (!monitor_.ShouldStop()) {
+      split = KdSubtreeBuilder(context_).FindSplit(references, bounds, task);
+    }
     if (!split || !task.budget.AllowsAtTop(split->below, split->above)) {
       for (const Reference& reference : references) {
         node->piece.primitives.push_back(reference.id);
       }
-      node->piece.EndLeaf(references.size(), UnionBounds(references));
+      node->piece.EndLeaf(references.size(), bounds);
       monitor_.AddDone(task.share);
       return;
     }

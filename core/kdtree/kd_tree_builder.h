@@ -33,8 +33,8 @@ struct KdBuildLimits {
   /// the budget's rule is stricter above (WeightBudget::AllowsAtTop).
   static constexpr std::size_t kTopReferences = 16384;
   /// From here on kd-sah tries every plane that can be best; larger nodes have so many triangles
-  /// that 32 bins do as well.
-  static constexpr std::size_t kSweepReferences = 1024;
+  /// that bins do as well (DESIGN.md has the figures).
+  static constexpr std::size_t kSweepReferences = 256;
   /// A kd-median node with so many triangles is a leaf.
   static constexpr std::size_t kMedianLeaf = 8;
 };

@@ -3,26 +3,24 @@
 #include <algorithm>
 #include <array>
 
-#include "core/geometry/clip.h"
-
 namespace kdray::core {
 
 namespace {
 
 std::array<Vec3d, 3> LocalCorners(const TriangleMesh& mesh, PrimitiveId id) {
-  return {mesh.LocalCorner(id, 0), mesh.LocalCorner(id, 1), mesh.LocalCorner(id, 2)};
+  const TriangleIndices& indices = mesh.triangles()[id];
+  return mesh.VisitVertices([&](auto vertices) -> std::array<Vec3d, 3> {
+    return {Vec3d(vertices[indices[0]]), Vec3d(vertices[indices[1]]), Vec3d(vertices[indices[2]])};
+  });
 }
 
 }  // namespace
 
-ReferenceParts CutReference(const TriangleMesh& mesh, const Reference& reference,
-                            const Bounds3f& cell, const SplitPlane& plane) {
-  const std::array<Vec3d, 3> corners = LocalCorners(mesh, reference.id);
+ClippedHalves CutReference(const TriangleMesh& mesh, const Reference& reference,
+                           const Bounds3f& cell, const SplitPlane& plane) {
   // Clip to the cell rather than to the reference's bounds: its faces are fewer, and exact.
-  return {
-      Intersection(ClippedBounds(corners, plane.BelowCell(cell)), reference.bounds),
-      Intersection(ClippedBounds(corners, plane.AboveCell(cell)), reference.bounds),
-  };
+  return ClippedHalfBounds(LocalCorners(mesh, reference.id), cell, reference.bounds, plane.axis,
+                           plane.position);
 }
 
 SideCounts CountSides(std::span<const Reference> references, const SplitCandidate& split) {
@@ -37,23 +35,26 @@ SideCounts CountSides(std::span<const Reference> references, const SplitCandidat
 
 SideCounts Distribute(const TriangleMesh& mesh, std::span<const Reference> references,
                       const Bounds3f& cell, const SplitCandidate& split, Reference* below,
-                      Reference* above) {
+                      Reference* above, Reference* cut) {
   SideCounts counts;
-  for (const Reference& reference : references) {
-    switch (SideOf(reference, split)) {
-      case Side::kBelow:
-        below[counts.below++] = reference;
-        break;
-      case Side::kAbove:
-        above[counts.above++] = reference;
-        break;
-      case Side::kBoth: {
-        const ReferenceParts parts = CutReference(mesh, reference, cell, split.plane);
-        if (!parts.below.IsEmpty()) below[counts.below++] = {parts.below, reference.id};
-        if (!parts.above.IsEmpty()) above[counts.above++] = {parts.above, reference.id};
-        break;
-      }
-    }
+  std::size_t cut_count = 0;
+  for (std::size_t i = 0; i < references.size(); ++i) {
+    // Each is written to all three places and stays in one: branches could not be foretold.
+    const Float4 low = LowOf(references[i]);
+    const Float4 high = HighOf(references[i]);
+    const unsigned side = static_cast<unsigned>(SideOf(references[i], split));
+    const unsigned both = side & side >> 1;
+    StoreReference(low, high, &below[counts.below]);
+    StoreReference(low, high, &above[counts.above]);
+    StoreReference(low, high, &cut[cut_count]);
+    counts.below += (side & 1u) ^ both;
+    counts.above += (side >> 1) ^ both;
+    cut_count += both;
+  }
+  for (const Reference& reference : std::span(cut, cut_count)) {
+    const ClippedHalves parts = CutReference(mesh, reference, cell, split.plane);
+    if (!parts.below.IsEmpty()) below[counts.below++] = {parts.below, reference.id};
+    if (!parts.above.IsEmpty()) above[counts.above++] = {parts.above, reference.id};
   }
   return counts;
 }
@@ -81,8 +82,14 @@ void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> r
 
   std::vector<SideCounts> used(chunks);
   ForEachReferenceChunk(references, [&](std::span<const Reference> chunk, std::size_t c) {
-    used[c] = Distribute(mesh, chunk, cell, split, below->data() + start[c].below,
-                         above->data() + start[c].above);
+    // Distribute() writes beyond what it keeps.
+    std::vector<Reference> scratch(3 * chunk.size());
+    Reference* const chunk_below = scratch.data();
+    Reference* const chunk_above = chunk_below + chunk.size();
+    used[c] =
+        Distribute(mesh, chunk, cell, split, chunk_below, chunk_above, chunk_above + chunk.size());
+    std::copy_n(chunk_below, used[c].below, below->data() + start[c].below);
+    std::copy_n(chunk_above, used[c].above, above->data() + start[c].above);
   });
 
   SideCounts kept;

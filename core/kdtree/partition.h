@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/geometry/bounds3.h"
+#include "core/geometry/clip.h"
 #include "core/geometry/triangle_mesh.h"
 #include "core/kdtree/split.h"
 #include "core/tree/reference.h"
@@ -20,18 +21,16 @@ inline Side SideOf(const Reference& reference, const SplitCandidate& split) {
   const float low = reference.bounds.min[split.plane.axis];
   const float high = reference.bounds.max[split.plane.axis];
   const float position = split.plane.position;
-  if (low < position) return high > position ? Side::kBoth : Side::kBelow;
-  if (high > position) return Side::kAbove;
-  return split.planar_below ? Side::kBelow : Side::kAbove;
+  const unsigned below = low < position;
+  const unsigned above = high > position;
+  const unsigned planar = (below | above) ^ 1u;
+  return static_cast<Side>(below | above << 1 | planar << (split.planar_below ? 0 : 1));
 }
 
 /// The two parts of a reference that a cut goes through, each clipped to its child's cell; a part
 /// without a point has empty bounds.
-struct ReferenceParts {
-  Bounds3f below, above;
-};
-ReferenceParts CutReference(const TriangleMesh& mesh, const Reference& reference,
-                            const Bounds3f& cell, const SplitPlane& plane);
+ClippedHalves CutReference(const TriangleMesh& mesh, const Reference& reference,
+                           const Bounds3f& cell, const SplitPlane& plane);
 
 struct SideCounts {
   std::size_t below = 0;
@@ -41,12 +40,13 @@ struct SideCounts {
 /// How many references the children can get at most: a part may turn out empty when it is clipped.
 SideCounts CountSides(std::span<const Reference> references, const SplitCandidate& split);
 
-/// Hands the references of `cell` to its children, in their order, and clips those that the plane
-/// cuts. `below` and `above` have room for what CountSides says and overlap nothing; the result
-/// says how much of them was used.
+/// Hands the references of `cell` to its children and clips those that the plane cuts: first the
+/// others in their order, then these. `below` and `cut` have room for all references, and overlap
+/// nothing; `above` too, but it may also be where the references are, which are then gone. The
+/// result says how much of `below` and `above` was used.
 SideCounts Distribute(const TriangleMesh& mesh, std::span<const Reference> references,
                       const Bounds3f& cell, const SplitCandidate& split, Reference* below,
-                      Reference* above);
+                      Reference* above, Reference* cut);
 
 /// The same for large nodes: in parallel, into vectors of its own.
 void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> references,

@@ -54,6 +54,10 @@ class SplitProbability {
     return base_ + slope_ * (high_ - static_cast<double>(position));
   }
 
+  /// Below(x) = base() + slope() * (x - low end of the cell).
+  double base() const { return base_; }
+  double slope() const { return slope_; }
+
   /// False for a cell without surface: nothing is to be gained there.
   bool IsValid() const { return valid_; }
 
@@ -70,23 +74,48 @@ class SplitSearch {
  public:
   /// Only cuts that are cheaper than a leaf with `triangles` triangles count.
   SplitSearch(const SahCost& cost, const Bounds3f& cell, std::size_t triangles)
-      : cost_(cost), cell_(cell), best_cost_(cost.Leaf(triangles)) {}
+      : cost_(cost), cell_(cell), triangles_(triangles), best_cost_(cost.Subtree(triangles)) {}
 
   /// The cuts across one axis.
   class Axis {
    public:
     Axis(SplitSearch* search, int axis)
-        : search_(search), axis_(axis), probability_(search->cell_, axis) {}
+        : search_(search), axis_(axis), probability_(search->cell_, axis) {
+      if (!probability_.IsValid()) return;
+      low_ = search->cell_.min[axis];
+      high_ = search->cell_.max[axis];
+    }
 
     /// A plane with so many triangles reaching below it, in it, and reaching above it; those that
     /// cross it count twice. Planes that are not strictly inside the cell are passed over.
     void Consider(float position, std::size_t below, std::size_t planar, std::size_t above) {
-      if (!SplitPlane{axis_, position}.IsInside(search_->cell_) || !probability_.IsValid()) return;
+      if (!IsUsable(position)) return;
       Offer(position, below + planar, above, true);
       if (planar != 0) Offer(position, below, above + planar, false);
     }
 
+    /// The same, for planes that are strictly inside the cell, with those in the plane counted on
+    /// the side that they are to go to.
+    void ConsiderInside(float position, std::size_t below, std::size_t above, bool planar_below) {
+      Offer(position, below, above, planar_below);
+    }
+    /// Inside the cell is what lies between; nothing does where the cell has no surface.
+    bool IsAboveCellsLowEnd(float position) const { return position > low_; }
+    bool IsBelowCellsHighEnd(float position) const { return position < high_; }
+
+    /// The planes where the triangles begin and end: they cut off empty space, with all triangles
+    /// on the other side.
+    void ConsiderEmptyBelow(float position) {
+      if (IsUsable(position)) Offer(position, 0, search_->triangles_, false);
+    }
+    void ConsiderEmptyAbove(float position) {
+      if (IsUsable(position)) Offer(position, search_->triangles_, 0, true);
+    }
+
    private:
+    bool IsUsable(float position) const {
+      return IsAboveCellsLowEnd(position) && IsBelowCellsHighEnd(position);
+    }
     void Offer(float position, std::size_t below, std::size_t above, bool planar_below) {
       const double cost = search_->cost_.Split(probability_.Below(position), below,
                                                probability_.Above(position), above);
@@ -99,6 +128,7 @@ class SplitSearch {
     SplitSearch* search_;
     int axis_;
     SplitProbability probability_;
+    float low_ = 0, high_ = 0;  // of the cell
   };
 
   const std::optional<SplitCandidate>& best() const { return best_; }
@@ -106,6 +136,7 @@ class SplitSearch {
  private:
   const SahCost& cost_;
   const Bounds3f& cell_;
+  std::size_t triangles_;
   double best_cost_;
   std::optional<SplitCandidate> best_;
 };

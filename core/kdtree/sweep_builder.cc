@@ -47,7 +47,7 @@ void SweepBuilder::Build(std::span<const Reference> references, const KdBuildTas
 
 void SweepBuilder::BuildNode(std::size_t triangles, const Counts& events, const KdBuildTask& task) {
   std::optional<SplitCandidate> split;
-  if (task.depth < context_.max_depth) {
+  if (triangles > SahCost::kBlock && task.depth < context_.max_depth) {
     SplitSearch search(context_.cost, task.cell, triangles);
     for (int axis = 0; axis < 3; ++axis) {
       SweepAxis(TopEvents(axis, events), axis, triangles, &search);
@@ -114,7 +114,7 @@ SideCounts SweepBuilder::AssignSides(const Counts& events, const KdBuildTask& ta
     }
     sides_[slot] = 0;
     const Reference whole = slots_[slot];
-    const ReferenceParts parts = CutReference(context_.mesh, whole, task.cell, split.plane);
+    const ClippedHalves parts = CutReference(context_.mesh, whole, task.cell, split.plane);
     if (!parts.below.IsEmpty()) {
       ++counts.below;
       slots_[slot].bounds = parts.below;

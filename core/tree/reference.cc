@@ -1,5 +1,7 @@
 #include "core/tree/reference.h"
 
+#include <limits>
+
 namespace kdray::core {
 
 std::vector<Reference> MakeReferences(const TriangleMesh& mesh) {
@@ -21,9 +23,13 @@ std::vector<Reference> MakeReferences(const TriangleMesh& mesh) {
 
 Bounds3f UnionBounds(std::span<const Reference> references) {
   if (references.size() <= kReferenceChunk) {
-    Bounds3f bounds = Bounds3f::Empty();
-    for (const Reference& reference : references) bounds.Extend(reference.bounds);
-    return bounds;
+    Float4 low = Fill4(std::numeric_limits<float>::infinity());
+    Float4 high = -low;
+    for (const Reference& reference : references) {
+      low = Min4(low, LowOf(reference));
+      high = Max4(high, HighOf(reference));
+    }
+    return {{low[0], low[1], low[2]}, {high[0], high[1], high[2]}};
   }
   std::vector<Bounds3f> parts(ReferenceChunks(references.size()));
   ForEachReferenceChunk(

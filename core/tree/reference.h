@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "core/base/float4.h"
 #include "core/base/parallel.h"
 #include "core/geometry/bounds3.h"
 #include "core/geometry/hit.h"
@@ -19,6 +20,19 @@ struct Reference {
   PrimitiveId id = kNoPrimitive;
   friend bool operator==(const Reference&, const Reference&) = default;
 };
+
+/// The ends of a reference's bounds on the three axes; the fourth lane means nothing.
+inline Float4 LowOf(const Reference& reference) { return Load4(&reference); }
+inline Float4 HighOf(const Reference& reference) {
+  static_assert(sizeof(Reference) == 28 && offsetof(Reference, bounds.max) == 12);
+  return Load4(reinterpret_cast<const char*>(&reference) + 12);
+}
+
+/// Copies a reference, given its ends.
+inline void StoreReference(Float4 low, Float4 high, Reference* to) {
+  std::memcpy(static_cast<void*>(to), &low, sizeof low);
+  std::memcpy(static_cast<void*>(reinterpret_cast<char*>(to) + 12), &high, sizeof high);
+}
 
 /// References of all triangles that are not degenerate, by ascending id; local coordinates, rounded
 /// outward.

@@ -31,12 +31,19 @@ struct SahCost {
     return intersection * static_cast<double>((triangles + kBlock - 1) / kBlock);
   }
 
-  /// A node whose children are leaves. A ray through the node meets each child with the given
-  /// probability.
+  /// So many triangles of which it is open whether they will be split further. Up to two blocks
+  /// like a leaf; beyond, without the steps, which would draw planes to where they leave whole
+  /// blocks, though neither child will stay as it is.
+  double Subtree(std::size_t triangles) const {
+    if (triangles <= 2 * kBlock) return Leaf(triangles);
+    return intersection * static_cast<double>(triangles + kBlock - 1) / kBlock;
+  }
+
+  /// A node with two children. A ray through the node meets each child with the given probability.
   double Split(double first_probability, std::size_t first_triangles, double second_probability,
                std::size_t second_triangles) const {
-    const double cost = traversal + first_probability * Leaf(first_triangles) +
-                        second_probability * Leaf(second_triangles);
+    const double cost = traversal + first_probability * Subtree(first_triangles) +
+                        second_probability * Subtree(second_triangles);
     return first_triangles == 0 || second_triangles == 0 ? empty_bonus * cost : cost;
   }
 };

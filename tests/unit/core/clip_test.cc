@@ -15,6 +15,7 @@ namespace {
 
 using core::Bounds3f;
 using core::ClippedBounds;
+using core::ClippedHalfBounds;
 using core::Vec3d;
 using core::Vec3f;
 using Triangle = std::array<Vec3d, 3>;
@@ -136,6 +137,98 @@ TEST(ClippedBounds, HoldEveryCommonCornerAndAreTight) {
   }
   EXPECT_GT(together, 10'000);
   EXPECT_GT(apart, 10'000);
+}
+
+// Both halves of a box, against the corners found one by one: nothing may be lost, and little is
+// to spare.
+TEST(ClippedHalfBounds, HoldEveryCommonCornerAndAreNearlyTight) {
+  std::mt19937_64 engine = RandomEngine(3);
+  int together = 0, apart = 0, loose = 0;
+  for (int trial = 0; trial < 200'000; ++trial) {
+    const Triangle triangle = {IntegerPoint(engine, 12), IntegerPoint(engine, 12),
+                               IntegerPoint(engine, 12)};
+    if (Cross(triangle[1] - triangle[0], triangle[2] - triangle[0]) == Vec3d{}) continue;
+    Bounds3f box = Bounds3f::Empty();
+    box.Extend(Vec3f(IntegerPoint(engine, 8)));
+    box.Extend(Vec3f(IntegerPoint(engine, 8)));
+    const int axis = Uniform(engine, 0, 2);
+    const float position = static_cast<float>(
+        Uniform(engine, static_cast<int>(box.min[axis]), static_cast<int>(box.max[axis])));
+    const Bounds3f bounds = ClippedBounds(triangle, box);
+    if (bounds.IsEmpty()) continue;
+
+    const core::ClippedHalves halves = ClippedHalfBounds(triangle, box, bounds, axis, position);
+    Bounds3f half[2] = {box, box};
+    half[0].max[axis] = position;
+    half[1].min[axis] = position;
+    const Bounds3f* clipped[2] = {&halves.below, &halves.above};
+    for (int side = 0; side < 2; ++side) {
+      const std::vector<Vec3l> corners = CommonCorners(triangle, half[side]);
+      if (corners.empty()) {
+        ++apart;
+        continue;  // a triangle that passes so near that floats cannot tell may have bounds
+      }
+      ++together;
+      ASSERT_FALSE(clipped[side]->IsEmpty()) << "trial " << trial;
+      // 2^-18 of the extent and 2^-19 of the place, and that again along slopes of up to 30; a
+      // triangle more nearly parallel to a face may be off farther.
+      const long double spare = 24 * 0x1p-13L;
+      for (int k = 0; k < 3; ++k) {
+        long double low = corners.front()[k], high = low;
+        for (const Vec3l& p : corners) {
+          low = std::min(low, p[k]);
+          high = std::max(high, p[k]);
+        }
+        const long double min = clipped[side]->min[k], max = clipped[side]->max[k];
+        ASSERT_LE(min, low + kOracleSlack) << "trial " << trial;
+        ASSERT_GE(max, high - kOracleSlack) << "trial " << trial;
+        loose += min < low - spare;
+        loose += max > high + spare;
+        EXPECT_GE(clipped[side]->min[k], std::max(half[side].min[k], bounds.min[k]));
+        EXPECT_LE(clipped[side]->max[k], std::min(half[side].max[k], bounds.max[k]));
+      }
+    }
+  }
+  EXPECT_GT(together, 10'000);
+  EXPECT_GT(apart, 1'000);
+  EXPECT_LT(loose, together / 100) << "of " << together;
+}
+
+// Triangles of every size anywhere, as doubles that no float holds: the halves contain what the
+// exact clipping finds, also where the cut is cut again and again.
+TEST(ClippedHalfBounds, LoseNothingWhenTheyAreCutAgain) {
+  std::mt19937_64 engine = RandomEngine(4);
+  const auto unit = [&] { return std::ldexp(static_cast<double>(engine() >> 11), -52) - 1; };
+  int cuts = 0;
+  for (int trial = 0; trial < 20'000; ++trial) {
+    const double size = std::ldexp(1.0, -Uniform(engine, 0, 30));
+    const Vec3d place = {unit(), unit(), unit()};
+    const auto corner = [&] { return place + Vec3d{unit(), unit(), unit() * unit()} * size; };
+    const Triangle triangle = {corner(), corner(), corner()};
+    Bounds3f box{{-4, -4, -4}, {4, 4, 4}};
+    Bounds3f bounds = ClippedBounds(triangle, box);
+    for (int cut = 0; cut < 10; ++cut) {
+      const int axis = Uniform(engine, 0, 2);
+      const float position = bounds.min[axis] + (bounds.max[axis] - bounds.min[axis]) *
+                                                    static_cast<float>(unit() * 0.5 + 0.5);
+      if (!(box.min[axis] < position && position < box.max[axis])) continue;
+      const core::ClippedHalves halves = ClippedHalfBounds(triangle, box, bounds, axis, position);
+      const bool below = engine() % 2 == 0;
+      (below ? box.max : box.min)[axis] = position;
+      bounds = below ? halves.below : halves.above;
+      for (const Vec3l& p : CommonCorners(triangle, box)) {
+        // Only corners that are surely in the box.
+        if (!core::Bounds3<long double>{Vec3l(box.min), Vec3l(box.max)}.Contains(p)) continue;
+        for (int k = 0; k < 3; ++k) {
+          ASSERT_LE(static_cast<long double>(bounds.min[k]), p[k] + kOracleSlack) << trial;
+          ASSERT_GE(static_cast<long double>(bounds.max[k]), p[k] - kOracleSlack) << trial;
+        }
+      }
+      ++cuts;
+      if (bounds.IsEmpty()) break;
+    }
+  }
+  EXPECT_GT(cuts, 50'000);
 }
 
 // An edge almost parallel to a face: a rounding of 2^-53 across moves the crossing by far more

@@ -21,6 +21,16 @@ TEST(SahCost, OfALeafGrowsWithItsBlocks) {
   EXPECT_EQ(cost.Leaf(80), 15);
 }
 
+TEST(SahCost, OfWhatMayBeSplitFurtherHasNoSteps) {
+  const SahCost cost{1, 4, 0.8};
+  for (std::size_t n = 0; n <= 16; ++n) EXPECT_EQ(cost.Subtree(n), cost.Leaf(n));
+  for (std::size_t n = 17; n <= 100; ++n) {
+    EXPECT_EQ(cost.Subtree(n), cost.Subtree(17) + 0.5 * static_cast<double>(n - 17));
+    EXPECT_GE(cost.Subtree(n), cost.Leaf(n));
+  }
+  EXPECT_EQ(cost.Subtree(25), cost.Leaf(25));
+}
+
 TEST(SahCost, ChargesLessForTheBlocksOfLargeMeshes) {
   EXPECT_EQ(SahCost::For(200'000).intersection, 4);
   EXPECT_EQ(SahCost::For(200'001).intersection, 2);
@@ -28,13 +38,13 @@ TEST(SahCost, ChargesLessForTheBlocksOfLargeMeshes) {
 
 TEST(SahCost, OfASplitWeighsTheChildrenByProbability) {
   const SahCost cost{1, 2, 0.5};
-  EXPECT_EQ(cost.Split(0.5, 24, 0.75, 32), 1 + 0.5 * 6 + 0.75 * 8);
+  EXPECT_EQ(cost.Split(0.5, 8, 0.75, 16), 1 + 0.5 * 2 + 0.75 * 4);
 }
 
 TEST(SahCost, RewardsCuttingOffEmptySpace) {
   const SahCost cost{1, 2, 0.5};
-  EXPECT_EQ(cost.Split(0.5, 0, 0.75, 32), 0.5 * (1 + 0.75 * 8));
-  EXPECT_EQ(cost.Split(0.5, 32, 0.75, 0), 0.5 * (1 + 0.5 * 8));
+  EXPECT_EQ(cost.Split(0.5, 0, 0.75, 16), 0.5 * (1 + 0.75 * 4));
+  EXPECT_EQ(cost.Split(0.5, 16, 0.75, 0), 0.5 * (1 + 0.5 * 4));
 }
 
 TEST(SplitProbability, IsTheRatioOfSurfaceAreas) {
@@ -65,7 +75,7 @@ TEST(SplitSearch, FindsNothingThatCostsAsMuchAsALeaf) {
   const Bounds3f cell{{0, 0, 0}, {1, 1, 1}};
   SplitSearch search(cost, cell, 32);
   SplitSearch::Axis axis(&search, 0);
-  axis.Consider(0.5f, 24, 0, 24);  // 1 + 2/3 * 6 = 5 > 4
+  axis.Consider(0.5f, 25, 0, 25);  // 1 + 2/3 * 8 > 39 / 8
   EXPECT_FALSE(search.best());
 }
 
@@ -83,7 +93,7 @@ TEST(SplitSearch, KeepsTheCheapestAndTheFirstOfEquals) {
   EXPECT_EQ(search.best()->plane, (core::SplitPlane{0, 0.5f}));
   EXPECT_EQ(search.best()->below, 40u);
   EXPECT_EQ(search.best()->above, 40u);
-  EXPECT_DOUBLE_EQ(search.best()->cost, 1 + 2.0 / 3 * 10);
+  EXPECT_DOUBLE_EQ(search.best()->cost, 1 + 2.0 / 3 * 2 * 47 / 8);
 }
 
 TEST(SplitSearch, PutsPlanarTrianglesOnTheCheaperSide) {

@@ -132,34 +132,89 @@ TEST(SweepAxis, FindsWhatCountingAnewAtEveryEndFinds) {
   }
 }
 
-TEST(BinnedSplit, FindsWhatCountingAnewAtEveryFaceFinds) {
+// The planes as they are promised, found by plain counting: multiples of the power of two that
+// makes 16 to 32 bins.
+std::vector<float> EvenPlanes(float low, float high) {
+  std::vector<float> planes;
+  if (low == high) return planes;
+  const double width = static_cast<double>(high) - static_cast<double>(low);
+  double spacing = 1;
+  while (width / spacing > 32) spacing *= 2;
+  while (width / spacing <= 16) spacing /= 2;
+  for (double k = std::floor(static_cast<double>(low) / spacing);
+       k * spacing < static_cast<double>(high); ++k) {
+    if (k * spacing > static_cast<double>(low)) planes.push_back(static_cast<float>(k * spacing));
+  }
+  return planes;
+}
+
+// Triangles on a coarse grid end in planes and lie flat in them; others do not.
+TEST(BinnedSplit, CostsNoMoreThanTheBestOfAllItsPlanesCountedAnew) {
   std::mt19937_64 engine = RandomEngine(2);
   const SahCost cost{1, 1.5, 0.8};
-  int found = 0;
+  int found = 0, planar = 0;
   for (int trial = 0; trial < 2000; ++trial) {
-    const std::vector<Reference> references = GridReferences(engine, 1 + engine() % 40);
+    std::vector<Reference> references = GridReferences(engine, 1 + engine() % 200);
+    if (trial % 2 == 0) {
+      for (Reference& r : references) {
+        for (int axis = 0; axis < 3; ++axis) {
+          r.bounds.min[axis] -= 0x1p-20f * static_cast<float>(engine() % 1000);
+        }
+      }
+    }
     const Bounds3f bounds = core::UnionBounds(references);
     SplitSearch plain(cost, kUnitCell, references.size());
     for (int axis = 0; axis < 3; ++axis) {
-      std::vector<float> faces;
-      for (int k = 0; k <= 32; ++k) {
-        const double width =
-            static_cast<double>(bounds.max[axis]) - static_cast<double>(bounds.min[axis]);
-        faces.push_back(static_cast<float>(static_cast<double>(bounds.min[axis]) + width * k / 32));
-      }
-      ConsiderAll(references, axis, faces, &plain);
+      SplitSearch::Axis candidates(&plain, axis);
+      candidates.ConsiderEmptyBelow(bounds.min[axis]);
+      candidates.ConsiderEmptyAbove(bounds.max[axis]);
+      ConsiderAll(references, axis, EvenPlanes(bounds.min[axis], bounds.max[axis]), &plain);
     }
-    const auto binned = FindBinnedSplit(references, kUnitCell, cost);
-    ExpectSame(binned, plain.best());
-    found += binned.has_value();
+    const auto binned = FindBinnedSplit(references, bounds, kUnitCell, cost);
+    ASSERT_EQ(binned.has_value(), plain.best().has_value());
+    if (!binned) continue;
+    // Floats choose among planes of equal cost as they like.
+    EXPECT_NEAR(binned->cost, plain.best()->cost, 1e-5 * binned->cost);
+    const SideCounts counts = CountSides(references, *binned);
+    EXPECT_EQ(counts.below, binned->below);
+    EXPECT_EQ(counts.above, binned->above);
+    ++found;
+    planar += binned->below + binned->above == references.size();
   }
   EXPECT_GT(found, 1000);
+  EXPECT_GT(planar, 100);
+}
+
+// Few floats lie between the ends, near 1 or near 0; all of them, and no more, may be planes.
+TEST(BinnedSplit, HoldsForBoundsAFewFloatsWide) {
+  for (const float low : {0.75f, 0.0f, -0x1p-149f, -1.0f}) {
+    for (int width = 1; width < 40; ++width) {
+      std::vector<Reference> references;
+      float high = low;
+      for (int i = 0; i < width; ++i) {
+        const float end = std::nextafter(high, 2.0f);
+        for (int copy = 0; copy < 9; ++copy) {
+          references.push_back({Bounds3f{{high, -1, -1}, {end, 1, 1}}, 0});
+        }
+        high = end;
+      }
+      const Bounds3f bounds = core::UnionBounds(references);
+      const Bounds3f cell{{low, -1, -1}, {high, 1, 1}};
+      const auto split = FindBinnedSplit(references, bounds, cell, SahCost{0.1, 1, 1});
+      if (!split) continue;
+      EXPECT_TRUE(split->plane.IsInside(cell));
+      const SideCounts counts = CountSides(references, *split);
+      EXPECT_EQ(counts.below, split->below);
+      EXPECT_EQ(counts.above, split->above);
+    }
+  }
 }
 
 TEST(BinnedSplit, CutsOffEmptySpaceExactly) {
   const std::vector<Reference> references = {{Bounds3f{{-0.3f, -1, -1}, {-0.1f, 1, 1}}, 0},
                                              {Bounds3f{{-0.2f, -1, -1}, {0.7f, 1, 1}}, 1}};
-  const auto split = FindBinnedSplit(references, kUnitCell, SahCost{1, 10, 0.1});
+  const auto split =
+      FindBinnedSplit(references, core::UnionBounds(references), kUnitCell, SahCost{1, 10, 0.1});
   ASSERT_TRUE(split);
   EXPECT_EQ(split->plane, (core::SplitPlane{0, -0.3f}));
   EXPECT_EQ(split->below, 0u);
@@ -170,14 +225,14 @@ TEST(BinnedSplit, IsTheSameForEveryNumberOfThreads) {
   const TriangleMesh mesh = TriangleMesh::Create(Soup(60'000, 0.02, 3)).value();
   const std::vector<Reference> references = core::MakeReferences(mesh);
   const Bounds3f cell = core::UnionBounds(references);
-  const auto alone = FindBinnedSplit(references, cell, SahCost{});
+  const auto alone = FindBinnedSplit(references, cell, cell, SahCost{});
   ASSERT_TRUE(alone);
   const SideCounts counts = CountSides(references, *alone);
   EXPECT_EQ(counts.below, alone->below);
   EXPECT_EQ(counts.above, alone->above);
   for (const int threads : {1, 2, 4}) {
     core::Arena arena(threads);
-    arena.Run([&] { ExpectSame(FindBinnedSplit(references, cell, SahCost{}), alone); });
+    arena.Run([&] { ExpectSame(FindBinnedSplit(references, cell, cell, SahCost{}), alone); });
   }
 }
 
@@ -267,13 +322,13 @@ TEST(Distribute, GivesTheSameInParallelAndDropsPartsThatAreEmpty) {
   cell.max.x = whole.min.x + 0.3f * (whole.max.x - whole.min.x);
 
   const SideCounts room = CountSides(references, split);
-  std::vector<Reference> below(room.below), above(room.above);
-  const SideCounts used = Distribute(mesh, references, cell, split, below.data(), above.data());
+  std::vector<Reference> below(references.size()), cut(references.size());
+  std::vector<Reference> above = references;  // in place
+  const SideCounts used =
+      Distribute(mesh, above, cell, split, below.data(), above.data(), cut.data());
   EXPECT_LT(used.below, room.below);
   below.resize(used.below);
   above.resize(used.above);
-  EXPECT_TRUE(std::ranges::is_sorted(below, {}, &Reference::id));
-  EXPECT_TRUE(std::ranges::is_sorted(above, {}, &Reference::id));
   for (const Reference& r : below) EXPECT_LE(r.bounds.max.y, plane.position);
   for (const Reference& r : above) EXPECT_GE(r.bounds.min.y, plane.position);
 
@@ -281,6 +336,10 @@ TEST(Distribute, GivesTheSameInParallelAndDropsPartsThatAreEmpty) {
   arena.Run([&] {
     std::vector<Reference> parallel_below, parallel_above;
     DistributeInParallel(mesh, references, cell, split, &parallel_below, &parallel_above);
+    // In another order, since each piece of the work puts those that are cut last.
+    for (std::vector<Reference>* v : {&below, &above, &parallel_below, &parallel_above}) {
+      std::ranges::sort(*v, {}, &Reference::id);
+    }
     EXPECT_EQ(parallel_below, below);
     EXPECT_EQ(parallel_above, above);
   });
