@@ -12,9 +12,7 @@
 
 #include "core/base/parallel.h"
 #include "core/render/cell_lines.h"
-#include "core/render/sampler.h"
-#include "core/render/shading.h"
-#include "core/trace/trace.h"
+#include "core/render/tile_renderer.h"
 
 namespace kdray::core {
 namespace {
@@ -22,6 +20,9 @@ namespace {
 // Rays of one batch: enough for engines that take coherent rays together, few enough to stay in
 // the second-level cache with their hits.
 constexpr int kRaysPerTile = 4096;
+
+// Samples by which a pixel goes on that is still noisy.
+constexpr int kAdaptiveStep = 16;
 
 Error Invalid(std::string message) {
   return Error{ErrorCode::kInvalidArgument, std::move(message)};
@@ -39,6 +40,13 @@ Status Check(const RenderSpec& spec) {
   if (spec.samples < 1 || spec.samples > RenderSpec::kMaxSamples) {
     return Invalid("samples: must be 1 to 65536");
   }
+  if (spec.max_samples < 1 || spec.max_samples > RenderSpec::kMaxSamples) {
+    return Invalid("max_samples: must be 1 to 65536");
+  }
+  if (spec.max_noise && !(*spec.max_noise > 0 && std::isfinite(*spec.max_noise))) {
+    return Invalid("max_noise: must be greater than 0");
+  }
+  if (spec.budget && spec.budget->count() <= 0) return Invalid("budget_ms: must be at least 1");
   if (!InUnitRange(spec.color)) return Invalid("color: each part must be 0 to 1");
   if (spec.background && !InUnitRange(spec.background->color)) {
     return Invalid("background: each part must be 0 to 1");
@@ -52,194 +60,6 @@ Status Check(const RenderSpec& spec) {
   }
   return {};
 }
-
-// Everything the tiles share. Tiles write to different pixels of the films.
-class TileRenderer {
- public:
-  TileRenderer(const Scene& scene, const RenderSpec& spec, const CancelToken& cancel,
-               RenderedImage* image)
-      : mesh_(*scene.mesh),
-        scene_(scene),
-        seed_(spec.seed),
-        samples_(HasOneSample(spec.mode) ? 1 : spec.samples),
-        trace_options_{.precision = spec.precision, .cancel = cancel},
-        color_(SrgbToLinear(spec.color)),
-        image_(image) {
-    const Background& background = image->background;
-    if (!background.transparent) {
-      const Rgb linear = SrgbToLinear(background.color);
-      background_ = {linear.r, linear.g, linear.b, 1.0f};
-    }
-  }
-
-  void SetLines(CellLines lines) {
-    const Rgb linear = SrgbToLinear(lines.style().color);
-    line_color_ = {linear.r, linear.g, linear.b, 1.0f};
-    lines_ = std::move(lines);
-  }
-
-  /// Side of a square tile of at most kRaysPerTile rays, or 1.
-  int TileSide() const {
-    return std::max(1, static_cast<int>(std::sqrt(static_cast<double>(kRaysPerTile) / samples_)));
-  }
-
-  Status Render(const Tile& tile) const {
-    const std::vector<Ray> rays = MakeRays(tile);
-    std::vector<Hit> hits(rays.size());
-    if (Status status = TraceClosest(scene_, std::span<const Ray>(rays), trace_options_, hits);
-        !status.ok()) {
-      return status;
-    }
-    switch (image_->mode) {
-      case RenderMode::kShaded:
-        Shade(tile, rays, hits);
-        break;
-      case RenderMode::kNormal:
-        WriteNormals(tile, hits);
-        break;
-      case RenderMode::kDepth:
-        WriteDepths(tile, hits);
-        break;
-      case RenderMode::kTriangle:
-        WriteTriangles(tile, hits);
-        break;
-    }
-    if (lines_) DrawLines(tile, hits);
-    return {};
-  }
-
-  static bool HasOneSample(RenderMode mode) {
-    return mode == RenderMode::kDepth || mode == RenderMode::kTriangle;
-  }
-
- private:
-  // Rays of pixel 0's samples, pixel 1's, …, pixels row by row.
-  std::vector<Ray> MakeRays(const Tile& tile) const {
-    std::vector<Ray> rays;
-    rays.reserve(tile.pixel_count() * static_cast<std::size_t>(samples_));
-    for (int y = tile.y0; y < tile.y1; ++y) {
-      for (int x = tile.x0; x < tile.x1; ++x) {
-        if (samples_ == 1) {
-          rays.push_back(image_->camera.RayThrough(x + 0.5, y + 0.5));
-          continue;
-        }
-        const PixelSampler sampler(seed_, x, y);
-        for (int i = 0; i < samples_; ++i) {
-          const SamplePosition at = sampler[static_cast<std::uint32_t>(i)];
-          rays.push_back(image_->camera.RayThrough(x + at.x, y + at.y));
-        }
-      }
-    }
-    return rays;
-  }
-
-  // Calls f(x, y, first) for each pixel, whose samples are first … first + samples_ - 1.
-  template <class F>
-  void ForEachPixel(const Tile& tile, const F& f) const {
-    std::size_t first = 0;
-    for (int y = tile.y0; y < tile.y1; ++y) {
-      for (int x = tile.x0; x < tile.x1; ++x) {
-        f(x, y, first);
-        first += static_cast<std::size_t>(samples_);
-      }
-    }
-  }
-
-  void Shade(const Tile& tile, std::span<const Ray> rays, std::span<const Hit> hits) const {
-    auto& film = std::get<Film<float>>(image_->values);
-    ForEachPixel(tile, [&](int x, int y, std::size_t first) {
-      // Light and misses are summed apart: the mesh has one colour, the background another.
-      float light = 0;
-      int misses = 0;
-      for (std::size_t i = first; i < first + static_cast<std::size_t>(samples_); ++i) {
-        if (hits[i].IsHit()) {
-          light += HeadlightCosine(UnitNormal(mesh_, hits[i].primitive_id), rays[i].direction);
-        } else {
-          ++misses;
-        }
-      }
-      const float per_sample = 1.0f / static_cast<float>(samples_);
-      const float lit = light * per_sample;
-      const float missed = static_cast<float>(misses) * per_sample;
-      const Rgba surface = {color_.r * lit, color_.g * lit, color_.b * lit, 1.0f - missed};
-      const Rgba behind = background_ * missed;
-      Store(film(x, y), {surface.r + behind.r, surface.g + behind.g, surface.b + behind.b,
-                         background_.a == 1.0f ? 1.0f : surface.a});
-    });
-  }
-
-  void WriteNormals(const Tile& tile, std::span<const Hit> hits) const {
-    auto& film = std::get<Film<float>>(image_->values);
-    ForEachPixel(tile, [&](int x, int y, std::size_t first) {
-      Vec3d sum;
-      int hit_count = 0;
-      for (std::size_t i = first; i < first + static_cast<std::size_t>(samples_); ++i) {
-        if (!hits[i].IsHit()) continue;
-        sum = sum + UnitNormal(mesh_, hits[i].primitive_id);
-        ++hit_count;
-      }
-      const Vec3f mean(sum * (1.0 / samples_));
-      const std::span<float> pixel = film(x, y);
-      pixel[0] = mean.x;
-      pixel[1] = mean.y;
-      pixel[2] = mean.z;
-      (*image_->coverage)(x, y)[0] = static_cast<float>(hit_count) / static_cast<float>(samples_);
-    });
-  }
-
-  void WriteDepths(const Tile& tile, std::span<const Hit> hits) const {
-    constexpr double kLargest = std::numeric_limits<float>::max();
-    auto& film = std::get<Film<float>>(image_->values);
-    ForEachPixel(tile, [&](int x, int y, std::size_t first) {
-      const Hit& hit = hits[first];
-      film(x, y)[0] = hit.IsHit() ? static_cast<float>(std::min(hit.t, kLargest))
-                                  : std::numeric_limits<float>::infinity();
-    });
-  }
-
-  void WriteTriangles(const Tile& tile, std::span<const Hit> hits) const {
-    auto& film = std::get<Film<std::int32_t>>(image_->values);
-    ForEachPixel(tile, [&](int x, int y, std::size_t first) {
-      const Hit& hit = hits[first];
-      film(x, y)[0] = hit.IsHit() ? static_cast<std::int32_t>(hit.primitive_id) : -1;
-    });
-  }
-
-  void DrawLines(const Tile& tile, std::span<const Hit> hits) const {
-    std::vector<float> opacity(tile.pixel_count());
-    lines_->Draw(tile, hits, samples_, opacity);
-    std::size_t pixel = 0;
-    for (int y = tile.y0; y < tile.y1; ++y) {
-      for (int x = tile.x0; x < tile.x1; ++x, ++pixel) {
-        if (image_->lines) {
-          (*image_->lines)(x, y)[0] = opacity[pixel];
-        } else if (opacity[pixel] > 0.0f) {
-          const std::span<float> under = std::get<Film<float>>(image_->values)(x, y);
-          Store(under,
-                Over(line_color_ * opacity[pixel], {under[0], under[1], under[2], under[3]}));
-        }
-      }
-    }
-  }
-
-  static void Store(std::span<float> pixel, const Rgba& c) {
-    pixel[0] = c.r;
-    pixel[1] = c.g;
-    pixel[2] = c.b;
-    pixel[3] = c.a;
-  }
-
-  const TriangleMesh& mesh_;
-  const Scene& scene_;
-  std::uint64_t seed_;
-  int samples_;
-  TraceOptions trace_options_;
-  Rgb color_;        // linear
-  Rgba background_;  // linear; all 0 when transparent
-  Rgba line_color_;  // linear
-  std::optional<CellLines> lines_;
-  RenderedImage* image_;
-};
 
 void MakeFilms(const Region& region, bool with_lines, RenderedImage* image) {
   switch (image->mode) {
@@ -277,6 +97,154 @@ class FirstError {
   std::optional<Error> error_;
 };
 
+bool HasOneSample(RenderMode mode) {
+  return mode == RenderMode::kDepth || mode == RenderMode::kTriangle;
+}
+
+SamplingRule RuleOf(const RenderSpec& spec) {
+  if (HasOneSample(spec.mode)) return {.centre = true};
+  if (!spec.max_noise && !spec.budget) {
+    return {.limit = spec.samples, .centre = spec.samples == 1};
+  }
+  return {.limit = spec.max_samples, .max_noise = spec.max_noise.value_or(0), .estimates = true};
+}
+
+/// Side of a square tile of at most kRaysPerTile rays, or 1.
+int TileSide(int samples_at_once) {
+  return std::max(1,
+                  static_cast<int>(std::sqrt(static_cast<double>(kRaysPerTile) / samples_at_once)));
+}
+
+// What a tile's pixels have reached; summed up in the order of tiles.
+struct Reached {
+  std::uint64_t samples = 0;
+  double noise = 0;
+  bool all_below = true;  // max_noise
+
+  void Add(const TileSums& sums, const SamplingRule& rule) {
+    for (const PixelSums& pixel : sums.pixels) {
+      samples += pixel.samples;
+      if (!rule.estimates) continue;
+      const double pixel_noise = pixel.Noise();
+      noise = std::max(noise, pixel_noise);
+      all_below = all_below && pixel.samples >= kMinAdaptiveSamples && pixel_noise < rule.max_noise;
+    }
+  }
+  void Add(const Reached& other) {
+    samples += other.samples;
+    noise = std::max(noise, other.noise);
+    all_below = all_below && other.all_below;
+  }
+};
+
+// The ways from tiles to an image. Each looks at `cancel` once a tile.
+class ImageRenderer {
+ public:
+  ImageRenderer(const RenderSpec& spec, const SamplingRule& rule, const TileRenderer& renderer,
+                const CancelToken& cancel, Progress* progress)
+      : spec_(spec), rule_(rule), renderer_(renderer), cancel_(cancel), progress_(progress) {}
+
+  Status RenderCentres(const Region& region) const {
+    const std::vector<Tile> tiles = CutIntoTiles(region, TileSide(1));
+    return ForEachTile(tiles.size(),
+                       [&](std::size_t i) { return renderer_.RenderCentres(tiles[i]); });
+  }
+
+  // Tile by tile, each until its pixels have enough.
+  Status RenderTiles(const Region& region, RenderedImage* image) const {
+    const int first = spec_.max_noise ? std::min(kMinAdaptiveSamples, rule_.limit) : rule_.limit;
+    const std::vector<Tile> tiles = CutIntoTiles(region, TileSide(first));
+    std::vector<Reached> reached(tiles.size());
+    Status status = ForEachTile(tiles.size(), [&](std::size_t i) -> Status {
+      TileSums sums = TileRenderer::Begin(tiles[i]);
+      int target = first;
+      do {
+        if (cancel_.ShouldStop()) return cancel_.ToError();
+        if (Status refined = renderer_.Refine(target, &sums); !refined.ok()) return refined;
+        target = std::min(target + kAdaptiveStep, rule_.limit);
+      } while (!sums.is_finished());
+      renderer_.Write(sums);
+      reached[i].Add(sums, rule_);
+      return {};
+    });
+    if (status.ok()) Sum(reached, image);
+    return status;
+  }
+
+  // All tiles together, in passes, until the time is over.
+  Status RenderWithin(std::chrono::steady_clock::time_point end, const Region& region,
+                      bool has_lines, RenderedImage* image) const {
+    std::vector<TileSums> sums;
+    for (const Tile& tile : CutIntoTiles(region, TileSide(kAdaptiveStep))) {
+      sums.push_back(TileRenderer::Begin(tile));
+    }
+    std::atomic<bool> is_over{false};
+    // Lines take their depths from the first samples: one would be too rough.
+    const int first = std::min(has_lines ? kMinAdaptiveSamples : 1, rule_.limit);
+    for (int target = first; !is_over; target = NextTarget(target)) {
+      std::atomic<bool> is_finished{true};
+      Status status = ForEachTile(sums.size(), [&](std::size_t i) -> Status {
+        if (sums[i].is_finished()) return {};
+        if (target != first && std::chrono::steady_clock::now() >= end) {
+          is_over = true;
+          return {};
+        }
+        is_finished = false;
+        return renderer_.Refine(target, &sums[i]);
+      });
+      if (!status.ok()) return status;
+      if (is_finished) break;
+    }
+    std::vector<Reached> reached(sums.size());
+    Status status = ForEachTile(sums.size(), [&](std::size_t i) -> Status {
+      renderer_.Write(sums[i]);
+      reached[i].Add(sums[i], rule_);
+      return {};
+    });
+    if (!status.ok()) return status;
+    Sum(reached, image);
+    if (is_over) image->stopped = Stopped::kBudget;
+    return {};
+  }
+
+ private:
+  template <class F>
+  Status ForEachTile(std::size_t count, const F& f) const {
+    FirstError first_error;
+    ParallelFor(0, count, 1, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) {
+        if (first_error.seen()) return;
+        if (cancel_.ShouldStop()) return first_error.Set(cancel_.ToError());
+        if (Status status = f(i); !status.ok()) return first_error.Set(std::move(status).error());
+        if (progress_ != nullptr && !spec_.budget) {
+          progress_->Add(1.0 / static_cast<double>(count));
+        }
+      }
+    });
+    if (std::optional<Error> error = std::move(first_error).Take()) return *std::move(error);
+    return {};
+  }
+
+  int NextTarget(int target) const {
+    return std::min(target < kAdaptiveStep ? 2 * target : target + kAdaptiveStep, rule_.limit);
+  }
+
+  void Sum(const std::vector<Reached>& reached, RenderedImage* image) const {
+    Reached all;
+    for (const Reached& tile : reached) all.Add(tile);
+    image->samples =
+        static_cast<double>(all.samples) / static_cast<double>(image->region().pixel_count());
+    if (std::isfinite(all.noise) && rule_.estimates) image->noise = all.noise;
+    if (spec_.max_noise && all.all_below) image->stopped = Stopped::kNoise;
+  }
+
+  const RenderSpec& spec_;
+  const SamplingRule& rule_;
+  const TileRenderer& renderer_;
+  const CancelToken& cancel_;
+  Progress* const progress_;
+};
+
 }  // namespace
 
 Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const CancelToken& cancel,
@@ -295,7 +263,8 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
   const Region region = spec.region.value_or(Region{0, 0, spec.width, spec.height});
   MakeFilms(region, spec.cells_depth.has_value(), &image);
 
-  TileRenderer renderer(scene, spec, cancel, &image);
+  const SamplingRule rule = RuleOf(spec);
+  TileRenderer renderer(scene, spec, rule, cancel, &image);
   if (spec.cells_depth) {
     Result<std::vector<TreeCell>> cells = scene.Cells(*spec.cells_depth, RenderSpec::kMaxCells);
     if (!cells.ok()) {
@@ -308,19 +277,17 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
     renderer.SetLines(CellLines(*cells, image.camera, region));
   }
 
-  const std::vector<Tile> tiles = CutIntoTiles(region, renderer.TileSide());
-  FirstError first_error;
-  ParallelFor(0, tiles.size(), 1, [&](std::size_t first, std::size_t last) {
-    for (std::size_t i = first; i < last; ++i) {
-      if (first_error.seen()) return;
-      if (cancel.ShouldStop()) return first_error.Set(cancel.ToError());
-      if (Status status = renderer.Render(tiles[i]); !status.ok()) {
-        return first_error.Set(std::move(status).error());
-      }
-      if (progress != nullptr) progress->Add(1.0 / static_cast<double>(tiles.size()));
-    }
-  });
-  if (std::optional<Error> error = std::move(first_error).Take()) return *std::move(error);
+  const ImageRenderer image_renderer(spec, rule, renderer, cancel, progress);
+  Status status;
+  if (HasOneSample(spec.mode)) {
+    status = image_renderer.RenderCentres(region);
+  } else if (spec.budget) {
+    status = image_renderer.RenderWithin(std::chrono::steady_clock::now() + *spec.budget, region,
+                                         spec.cells_depth.has_value(), &image);
+  } else {
+    status = image_renderer.RenderTiles(region, &image);
+  }
+  if (!status.ok()) return std::move(status).error();
   if (progress != nullptr) progress->Finish();
   return image;
 }

@@ -2,6 +2,7 @@
 // core/trace/trace.h; core/render/picture.h turns the result into 8-bit colours.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -52,6 +53,27 @@ struct RenderSpec {
   std::optional<Region> region =
       std::nullopt;        ///< part of the image to render; left out: all of it
   std::uint64_t seed = 0;  ///< of the sample positions
+
+  // With one of these, the pixels of kShaded and kNormal decide how many samples they take, up to
+  // max_samples, and `samples` does not count.
+
+  /// A pixel stops when the standard error of its mean luminance falls below this, > 0, and it has
+  /// kMinAdaptiveSamples. Of linear light for kShaded, of (n + 1) / 2 for kNormal.
+  std::optional<double> max_noise = std::nullopt;
+  /// Time for tracing, > 0: all pixels are refined together until it is over. The first samples are
+  /// taken whatever it says.
+  std::optional<std::chrono::milliseconds> budget = std::nullopt;
+  int max_samples = 1024;  ///< 1..kMaxSamples
+};
+
+/// Fewer samples say too little about their own error.
+inline constexpr int kMinAdaptiveSamples = 16;
+
+/// What ended the sampling.
+enum class Stopped : std::uint8_t {
+  kDone,    ///< all samples are taken: RenderSpec::samples, or max_samples in some pixel
+  kNoise,   ///< every pixel has fallen below max_noise
+  kBudget,  ///< the time was over
 };
 
 /// What was rendered. All films cover the same region.
@@ -72,16 +94,25 @@ struct RenderedImage {
   std::optional<Film<float>> lines;     ///< cells asked for and not kShaded: opacity of the lines,
                                         ///< for pictures; the numbers above stay as they are
 
+  double samples = 1;           ///< a pixel, in the mean
+  std::optional<double> noise;  ///< largest standard error of a pixel (RenderSpec::max_noise); only
+                                ///< with max_noise or budget, and from two samples on
+  Stopped stopped = Stopped::kDone;
+
   const Region& region() const {
     return std::visit([](const auto& film) -> const Region& { return film.region(); }, values);
   }
 };
 
+inline constexpr std::size_t kBudgetBytesPerPixel = 64;
+
 /// Renders in tiles, in parallel within the caller's arena; looks at `cancel` at least once per
 /// tile of at most 4096 rays (or one pixel). The result depends on scene.mesh and spec alone (with
 /// cells_depth on the tree as well): not on the number of threads, nor on the region, so that
-/// regions put together equal the whole bit for bit. Only what the mode needs is computed.
-/// Memory: 16 bytes a pixel at most, and some 0.5 MB a thread. `progress` may be null; it
+/// regions put together equal the whole bit for bit. (Not with a budget: then on the time as
+/// well.) Only what the mode needs is computed.
+/// Memory: 16 bytes a pixel at most, and some 0.5 MB a thread; with a budget
+/// kBudgetBytesPerPixel besides. `progress` may be null; it
 /// reaches 1. Errors: kInvalidArgument (the message begins with the field's name), kCancelled,
 /// kDeadlineExceeded. Safe from many threads at once.
 Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec,

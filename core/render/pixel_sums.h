@@ -1,0 +1,61 @@
+// What a pixel has gathered so far, so that samples can be added as long as it is worth it.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "core/geometry/vec3.h"
+#include "core/render/film.h"
+
+namespace kdray::core {
+
+/// Sums over samples in the order of their numbers, so that n samples taken in steps give the bits
+/// of n samples taken at once.
+struct PixelSums {
+  std::uint32_t samples = 0;
+  std::uint32_t misses = 0;
+  bool stopped = false;  ///< takes no more
+  float light = 0;       ///< kShaded: cosines of the samples that hit
+  Vec3d normal;          ///< kNormal: of the samples that hit
+  double luminance = 0;  ///< and its squares: only where noise is estimated
+  double luminance2 = 0;
+
+  void AddLuminance(double y) {
+    luminance += y;
+    luminance2 += y * y;
+  }
+  /// Standard error of the mean luminance, from the spread of the samples; infinite for one sample.
+  /// They are stratified, so the error is rather smaller.
+  double Noise() const {
+    if (samples < 2) return HUGE_VAL;
+    const double n = samples;
+    const double variance = (luminance2 - luminance * luminance / n) / (n - 1);
+    return variance > 0 ? std::sqrt(variance / n) : 0.0;
+  }
+};
+
+/// A tile on its way.
+struct TileSums {
+  Tile tile;
+  std::vector<PixelSums> pixels;    ///< row by row
+  std::vector<float> line_opacity;  ///< where lines are drawn; made with the first samples
+
+  bool is_finished() const {
+    for (const PixelSums& pixel : pixels) {
+      if (!pixel.stopped) return false;
+    }
+    return true;
+  }
+};
+
+/// When pixels stop, but for the time.
+struct SamplingRule {
+  int limit = 1;           ///< samples of a pixel at most
+  double max_noise = 0;    ///< 0: it takes all
+  bool centre = false;     ///< the one sample is the pixel's centre
+  bool estimates = false;  ///< the noise of every pixel is wanted
+};
+
+}  // namespace kdray::core
