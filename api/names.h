@@ -20,6 +20,7 @@ inline constexpr std::array<std::string_view, 6> kRayFieldNames = {"t", "triangl
 inline constexpr std::array<std::string_view, 2> kProjectionNames = {"perspective", "orthographic"};
 inline constexpr std::array<std::string_view, 4> kRenderModeNames = {"shaded", "normal", "depth",
                                                                      "triangle"};
+inline constexpr std::array<std::string_view, 3> kStoppedNames = {"done", "noise", "budget"};
 /// Mesh formats that are read in this version.
 inline constexpr std::array<std::string_view, 4> kMeshFormatNames = {"obj", "ply", "stl", "off"};
 
@@ -40,6 +41,10 @@ constexpr std::string_view Name(Projection projection) {
 }
 constexpr std::string_view Name(RenderMode mode) {
   return kRenderModeNames[static_cast<std::size_t>(mode)];
+}
+
+constexpr std::string_view Name(Stopped stopped) {
+  return kStoppedNames[static_cast<std::size_t>(stopped)];
 }
 
 std::optional<Build> ParseBuild(std::string_view name);

@@ -37,6 +37,12 @@ Outcome<RenderRequest> CheckedRender(Outcome<RenderRequest> request, const std::
                        std::to_string(all.y1) + ")",
                    pointer + "region"};
   }
+  if (request->samples > 1 && (request->budget_ms || request->max_noise)) {
+    return Problem{ErrorCode::kInvalidParameter,
+                   "samples says how many there are, budget_ms and max_noise let pixels decide; "
+                   "with these, max_samples is the limit",
+                   pointer + "samples"};
+  }
   const std::int64_t width = part.x1 - part.x0, height = part.y1 - part.y0;
   const std::int64_t side = std::max(width, height), pixels = width * height;
   if (static_cast<std::uint64_t>(side) > limits.max_image_side) {

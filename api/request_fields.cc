@@ -124,9 +124,12 @@ FieldTable<RenderRequest> RenderFields(const Limits& limits) {
           MemberField("cells_depth", IntegerKind{0, kMaxDepth}, &R::cells_depth),
           MemberField("region", IntegersKind{4, 0, kMaxWholeSide}, &R::region),
           MemberField("seed", IntegerKind{0, std::numeric_limits<std::int64_t>::max()}, &R::seed),
+          MemberField("budget_ms", UpTo(1, limits.max_deadline_ms), &R::budget_ms),
+          MemberField("max_noise", NumberKind{0, 1, true}, &R::max_noise),
+          MemberField("max_samples", UpTo(1, limits.max_samples), &R::max_samples),
           DeadlineField<R>(limits),
       },
-      {"lights", "shadows", "smooth", "ao_radius", "budget_ms", "max_noise", "max_samples"}};
+      {"lights", "shadows", "smooth", "ao_radius"}};
 }
 
 }  // namespace kdray::api

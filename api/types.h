@@ -253,6 +253,9 @@ struct RenderRequest {
   std::optional<std::int64_t> cells_depth;
   std::optional<Region> region;
   std::uint64_t seed = 0;
+  std::optional<std::int64_t> budget_ms;  ///< the best image within this time
+  std::optional<double> max_noise;        ///< a pixel stops below it; standard error, linear light
+  std::int64_t max_samples = 1024;        ///< per pixel, with budget_ms or max_noise
   std::int64_t deadline_ms = 60000;
 };
 
@@ -263,8 +266,15 @@ struct ImageArray {
   std::variant<std::vector<float>, std::vector<std::int32_t>> values;
 };
 
+/// Why no more samples were taken: all are (`done`), every pixel is below max_noise, or the time of
+/// budget_ms was over.
+enum class Stopped : std::uint8_t { kDone, kNoise, kBudget };
+
 struct RenderAnswer {
   Precision precision = Precision::kAuto;
+  double samples = 1;           ///< a pixel, in the mean
+  std::optional<double> noise;  ///< largest standard error of a pixel, where it was estimated
+  Stopped stopped = Stopped::kDone;
   std::variant<std::vector<std::byte>, ImageArray> image;  ///< PNG bytes, or the array for .npy
   double trace_ms = 0, encode_ms = 0;
 };

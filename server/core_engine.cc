@@ -34,6 +34,14 @@ api::Problem OutOfMemory() {
   return ToProblem({core::ErrorCode::kMemoryFull, "the system has no memory for this answer now"});
 }
 
+/// For a picture that is to be ready by the deadline: a fifth of what is left is for the rest.
+std::chrono::milliseconds TimeToTrace(const CancelToken& cancel) {
+  if (cancel.deadline() == SteadyClock::time_point::max()) return std::chrono::milliseconds::max();
+  const auto left =
+      std::chrono::duration_cast<std::chrono::milliseconds>(cancel.deadline() - SteadyClock::now());
+  return std::max(left * 4 / 5, std::chrono::milliseconds(1));
+}
+
 api::Problem NotMeasured() {
   return {.code = api::ErrorCode::kNotMeasured,
           .detail = "nothing has been measured for this tree; POST begins it"};
@@ -195,9 +203,13 @@ class RealEngine final : public CoreEngine {
         [&](const core::Scene& scene, const core::TraceOptions& trace,
             api::RenderAnswer* answer) -> core::Status {
           const auto start = SteadyClock::now();
-          core::Result<core::RenderedImage> image =
-              core::Render(scene, ToCore(request, trace.precision), cancel);
+          core::RenderSpec spec = ToCore(request, trace.precision);
+          if (spec.budget) spec.budget = std::min(*spec.budget, TimeToTrace(cancel));
+          core::Result<core::RenderedImage> image = core::Render(scene, spec, cancel);
           if (!image.ok()) return std::move(image).error();
+          answer->samples = image->samples;
+          answer->noise = image->noise;
+          answer->stopped = ToApi(image->stopped);
           answer->trace_ms = MillisecondsSince(start);
           if (!png) {
             answer->image = ToApi(*std::move(image));

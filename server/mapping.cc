@@ -298,7 +298,22 @@ core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision preci
                      static_cast<int>(request.region->x1), static_cast<int>(request.region->y1)};
   }
   spec.seed = request.seed;
+  spec.max_noise = request.max_noise;
+  if (request.budget_ms) spec.budget = std::chrono::milliseconds(*request.budget_ms);
+  spec.max_samples = static_cast<int>(request.max_samples);
   return spec;
+}
+
+api::Stopped ToApi(core::Stopped stopped) {
+  switch (stopped) {
+    case core::Stopped::kDone:
+      return api::Stopped::kDone;
+    case core::Stopped::kNoise:
+      return api::Stopped::kNoise;
+    case core::Stopped::kBudget:
+      break;
+  }
+  return api::Stopped::kBudget;
 }
 
 api::ImageArray ToApi(core::RenderedImage image) {

@@ -56,6 +56,7 @@ inline api::RayHit ToApi(const core::Hit& hit) {
 }
 
 core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision precision);
+api::Stopped ToApi(core::Stopped stopped);
 api::ImageArray ToApi(core::RenderedImage image);
 api::Cell ToApi(const core::TreeCell& cell);
 api::Tradeoff ToApi(const core::MeasuredTradeoff& measured);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "api/batch_codec.h"
+#include "api/json_text.h"
 #include "api/names.h"
 #include "api/request_codec.h"
 #include "server/handlers/answers.h"
@@ -17,8 +18,10 @@ namespace {
 
 enum class Image : std::uint8_t { kPng, kNpy };
 
-/// Four floats a pixel, and what the encoder needs beside them.
+/// Four floats a pixel, and what the encoder needs beside them; with a budget, what pixels have
+/// gathered so far.
 constexpr std::uint64_t kMemoryPerPixel = 32;
+constexpr std::uint64_t kMemoryPerRefinedPixel = 64;
 
 std::uint64_t Pixels(const api::RenderRequest& request) {
   const auto area = [](std::int64_t width, std::int64_t height) {
@@ -28,9 +31,17 @@ std::uint64_t Pixels(const api::RenderRequest& request) {
   return area(request.region->x1 - request.region->x0, request.region->y1 - request.region->y0);
 }
 
+std::string NumberText(double value) {
+  std::string text;
+  api::AppendNumber(&text, value);
+  return text;
+}
+
 api::Outcome<HttpResponse> AnswerRender(const Services& services, Call& call,
                                         const api::RenderRequest& request, Image image) {
-  const auto memory = services.memory.Take(Pixels(request) * kMemoryPerPixel);
+  const std::uint64_t per_pixel =
+      kMemoryPerPixel + (request.budget_ms ? kMemoryPerRefinedPixel : 0);
+  const auto memory = services.memory.Take(Pixels(request) * per_pixel);
   if (!memory) return memory.problem();
   const auto work = BeginWork(services, call, request.deadline_ms);
   if (!work) return work.problem();
@@ -48,7 +59,15 @@ api::Outcome<HttpResponse> AnswerRender(const Services& services, Call& call,
   call.timing.encode_ms = answer->encode_ms + encoding.ms();
   response.headers.Add("Content-Type", image == Image::kPng ? "image/png" : "application/x-npy");
   response.headers.Add("Kdray-Precision", api::Name(answer->precision));
+  response.headers.Add("Kdray-Samples", NumberText(answer->samples));
+  if (answer->noise) response.headers.Add("Kdray-Noise", NumberText(*answer->noise));
+  response.headers.Add("Kdray-Stopped", api::Name(answer->stopped));
   return response;
+}
+
+bool IsCut(const HttpResponse& response) {
+  const auto stopped = response.headers.Find("Kdray-Stopped");
+  return stopped && *stopped == api::Name(api::Stopped::kBudget);
 }
 
 api::Outcome<HttpResponse> Get(const Services& services, Call& call, Image image) {
@@ -59,10 +78,14 @@ api::Outcome<HttpResponse> Get(const Services& services, Call& call, Image image
                                     api::CanonicalQuery(*request));
   if (ClientHas(call.request, etag)) return NotModified(services, etag, Caching::kHour);
   auto response = AnswerRender(services, call, *request, image);
-  if (response) {
-    response->headers.Add("ETag", etag);
-    SetCaching(*response, services, Caching::kHour);
+  if (!response) return response;
+  // The next one may come farther in its time.
+  if (IsCut(*response)) {
+    SetCaching(*response, services, Caching::kNever);
+    return response;
   }
+  response->headers.Add("ETag", etag);
+  SetCaching(*response, services, Caching::kHour);
   return response;
 }
 

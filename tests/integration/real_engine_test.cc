@@ -140,6 +140,30 @@ TEST_F(RealEngine, SaysWhichPrecisionAnswersAndWhatAMeshOfDoublesLosesInTheOther
   EXPECT_EQ(image.Header("kdray-precision"), "exact");
 }
 
+TEST_F(RealEngine, RefinesAnImageUntilItsNoiseIsLowOrItsTimeIsOver) {
+  const std::string id = running_->Upload(test::ObjText(test::IcoSphere({0, 0, 0}, 1, 3)));
+  const std::string path = "/v1/trees/" + id + "/render.npy?width=64&height=48";
+  const RawAnswer quiet = running_->Ask("GET", path + "&max_noise=0.02");
+  ASSERT_EQ(quiet.status, 200) << quiet.body;
+  EXPECT_EQ(quiet.Header("kdray-stopped"), "noise");
+  EXPECT_LT(std::stod(quiet.Header("kdray-noise")), 0.02);
+  EXPECT_GT(std::stod(quiet.Header("kdray-samples")), 16);
+  EXPECT_EQ(running_->Ask("GET", path + "&max_noise=0.02").body, quiet.body);
+
+  const RawAnswer limited = running_->Ask("GET", path + "&max_noise=0.0001&max_samples=20");
+  EXPECT_EQ(limited.Header("kdray-stopped"), "done");
+  const RawAnswer cut =
+      running_->Ask("POST", "/v1/trees/" + id + "/render.png",
+                    R"({"width":1000,"height":1000,"budget_ms":50,"max_noise":1e-9})");
+  EXPECT_EQ(cut.Header("kdray-stopped"), "budget");
+  EXPECT_EQ(cut.Header("cache-control"), "no-store");
+  // Longer than the request may take: it ends in time all the same.
+  const RawAnswer late =
+      running_->Ask("GET", path + "&budget_ms=60000&max_noise=1e-9&deadline_ms=500");
+  EXPECT_EQ(late.status, 200) << late.body;
+  EXPECT_EQ(running_->Ask("GET", path + "&samples=3").Header("kdray-samples"), "3");
+}
+
 TEST_F(RealEngine, MeasuresWhatSpeedCostsInAccuracy) {
   const std::string id = running_->Upload(test::ObjText(test::Cube({0, 0, 0}, 1)));
   const std::string path = "/v1/trees/" + id + "/tradeoff";

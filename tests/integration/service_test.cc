@@ -265,6 +265,21 @@ TEST_F(ServiceOverHttp, AnswersARenderThatTheClientHasWithoutRendering) {
   EXPECT_EQ(running_.Ask("HEAD", Tree("/render.png?width=10&height=5")).Header("etag"), etag);
 }
 
+TEST_F(ServiceOverHttp, SaysWhatASampledImageReachedAndKeepsNoneThatWasCut) {
+  const RawAnswer whole = running_.Ask("GET", Tree("/render.png?max_noise=0.1"));
+  EXPECT_EQ(whole.Header("kdray-samples"), "2.5");
+  EXPECT_EQ(whole.Header("kdray-noise"), "0.25");
+  EXPECT_EQ(whole.Header("kdray-stopped"), "done");
+  EXPECT_EQ(whole.Header("cache-control"), "public, max-age=3600");
+  EXPECT_NE(whole.Header("etag"), "");
+  const RawAnswer cut = running_.Ask("GET", Tree("/render.npy?budget_ms=10"));
+  EXPECT_EQ(cut.status, 200);
+  EXPECT_EQ(cut.Header("kdray-stopped"), "budget");
+  EXPECT_EQ(cut.Header("kdray-noise"), "");
+  EXPECT_EQ(cut.Header("cache-control"), "no-store");
+  EXPECT_EQ(cut.Header("etag"), "");
+}
+
 TEST_F(ServiceOverHttp, ListsCells) {
   const RawAnswer answer = running_.Ask("GET", Tree("/cells?depth=2"));
   EXPECT_EQ(answer.status, 200);

@@ -142,6 +142,9 @@ class StubEngine final : public server::Engine {
     ++renders;
     api::RenderAnswer answer;
     answer.precision = api::Precision::kWatertight;
+    answer.samples = 2.5;
+    if (request.max_noise) answer.noise = 0.25;
+    if (request.budget_ms) answer.stopped = api::Stopped::kBudget;
     if (png) {
       constexpr std::string_view kPng = "\x89PNG\r\n\x1a\n";
       std::vector<std::byte> bytes(kPng.size());

@@ -268,6 +268,8 @@ TEST(OpenApi, DescribesTheFieldsOfRendersAsTheyAreRead) {
 TEST(OpenApi, NamesThePrecisionsThatCanHaveBeenUsed) {
   std::vector<std::string_view> used(kPrecisionNames.begin() + 1, kPrecisionNames.end());
   EXPECT_EQ(Document()["components"]["headers"]["Kdray-Precision"]["schema"]["enum"], json(used));
+  EXPECT_EQ(Document()["components"]["headers"]["Kdray-Stopped"]["schema"]["enum"],
+            json(kStoppedNames));
 }
 
 // ---- Examples ----

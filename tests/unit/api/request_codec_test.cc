@@ -148,6 +148,27 @@ const std::vector<FieldCase> kRenderCases = {
      {"0", "9007199254740993", "9223372036854775807"},
      {"-1", "9223372036854775808", "9007199254740993.0", "1e17"},
      kNotANumber},
+    {"budget_ms",
+     "",
+     {"1", "600000"},
+     {"", "0", "600001", "-1", "1.5"},
+     {"1", "600000"},
+     {"0", "600001", "1.5"},
+     kNotANumber},
+    {"max_noise",
+     "",
+     {"1e-9", "1", "0.01"},
+     {"", "0", "-1", "1.01", "nan", "inf"},
+     {"1e-9", "1"},
+     {"0", "-0.0", "1.01"},
+     kNotANumber},
+    {"max_samples",
+     "1024",
+     {"1", "1024"},
+     {"", "0", "1025", "1.5"},
+     {"1", "1024"},
+     {"0", "1025", "1.5"},
+     kNotANumber},
     {"deadline_ms",
      "",
      {"1", "600000"},
@@ -289,6 +310,9 @@ TEST(RenderRequests, MeanTheSameAsParametersInAnyOrderAndInJson) {
     std::string json = "{";
     for (const Field<RenderRequest>& field : table.fields) {
       if (random() % 2) continue;
+      // Refused together with samples.
+      const bool decides = field.name == "budget_ms" || field.name == "max_noise";
+      if (decides && request.samples > 1) continue;
       // Whole images of random sides would mostly be too large.
       const bool side = field.name == "width" || field.name == "height";
       const FieldKind kind = side ? IntegerKind{1, 4096} : field.kind;
@@ -332,8 +356,7 @@ TEST(RenderRequests, RefuseUnknownFieldsAndSayWhatThereIs) {
 }
 
 TEST(RenderRequests, RefuseFieldsOfTheContractThatAreNotInThisVersion) {
-  for (const std::string name :
-       {"lights", "shadows", "smooth", "ao_radius", "budget_ms", "max_noise", "max_samples"}) {
+  for (const std::string name : {"lights", "shadows", "smooth", "ao_radius"}) {
     for (const auto& request : {Query(name + "=1"), Body("{\"" + name + "\":1}")}) {
       ASSERT_FALSE(request) << name;
       EXPECT_EQ(request.problem().code, ErrorCode::kInvalidParameter);
@@ -344,6 +367,19 @@ TEST(RenderRequests, RefuseFieldsOfTheContractThatAreNotInThisVersion) {
   EXPECT_THAT(
       Query("mode=cost").problem().detail,
       HasSubstr("'cost' is not in this version; there are shaded, normal, depth, triangle"));
+}
+
+TEST(RenderRequests, LetSamplesOrThePixelsDecide) {
+  for (const char* query : {"samples=4&max_noise=0.1", "samples=4&budget_ms=100"}) {
+    const auto request = Query(query);
+    ASSERT_FALSE(request) << query;
+    EXPECT_EQ(request.problem().code, ErrorCode::kInvalidParameter);
+    EXPECT_EQ(request.problem().parameter, "samples");
+    EXPECT_THAT(request.problem().detail, HasSubstr("max_samples"));
+  }
+  EXPECT_EQ(Body(R"({"samples":4,"max_noise":0.1})").problem().parameter, "/samples");
+  EXPECT_TRUE(Query("samples=1&max_noise=0.1&max_samples=64&budget_ms=100"));
+  EXPECT_TRUE(Query("samples=4&max_samples=64"));
 }
 
 TEST(RenderRequests, NameTheLimitThatAValueBreaks) {

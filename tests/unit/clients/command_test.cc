@@ -287,6 +287,38 @@ TEST_F(CommandTest, CellsPrintsATableOrTheAnswerItself) {
   EXPECT_EQ(nlohmann::json::parse(out_.str())["cells"][0]["triangles"], 4321);
 }
 
+TEST_F(CommandTest, TradeoffMeasuresWhatWasNotMeasuredAndPrintsATable) {
+  const std::string id = kDigestA + "-auto";
+  service_.AddTree(id);
+  const std::string path = "/v1/trees/" + id + "/tradeoff";
+  const std::string measured = R"({"state":"measured","progress":1,"measured_at":"2024-05-17",
+      "mesh":{"triangles":12,"closed":true},
+      "conditions":{"threads":2,"load_average":0.5,"runs":48,"disturbed_runs":1},
+      "results":[{"build":"box","precision":"fast","build_ms":0.5,"bytes":2048,"sah_cost":9.5,
+        "random":{"rays_per_s":2500000,"nodes_per_ray":1},"aimed":{"rays_per_s":2000000},
+        "leaks":{"count":6,"rays":100,"rate":0.06},
+        "wrong_triangles":{"count":0,"rays":100,"rate":0,"below":0.03},
+        "missed_hits":{"count":6,"rays":100,"rate":0.06},
+        "t_error":{"p999":1e-7,"max":2e-7}}]})";
+  service_.AnswerOnce("POST", path, {202, R"({"state":"measuring","progress":0.5})"});
+  EXPECT_EQ(Run({"tradeoff", id}), kExitUsage) << "somebody stopped it";
+  EXPECT_EQ(service_.Targets("POST").back(), path + "?wait_ms=500");
+  EXPECT_EQ(service_.Targets("GET").back(), path + "?wait_ms=500");
+
+  service_.AnswerOnce("GET", path, {200, measured});
+  EXPECT_EQ(Run({"tradeoff", id}), kExitOk) << err_.str();
+  EXPECT_THAT(out_.str(), AllOf(HasSubstr("RANDOM M/S"), HasSubstr("2.5"), HasSubstr("0.06"),
+                                HasSubstr("< 0.03"), HasSubstr("12 triangles, closed"),
+                                HasSubstr("other work beside 1 of 48 runs")));
+  service_.AnswerOnce("GET", path, {200, measured});
+  EXPECT_EQ(Run({"tradeoff", id, "--json"}), kExitOk);
+  EXPECT_EQ(nlohmann::json::parse(out_.str()).at("mesh").at("triangles"), 12);
+  service_.AnswerOnce("POST", path, {200, measured});
+  EXPECT_EQ(Run({"tradeoff", id, "--again"}), kExitOk);
+  service_.AnswerOnce("DELETE", path, {204, ""});
+  EXPECT_EQ(Run({"tradeoff", id, "--forget"}), kExitOk);
+}
+
 TEST_F(CommandTest, MeshGivesTheUploadedBytesBack) {
   const std::string mesh = WriteMesh(std::string(100'000, 'x') + "end");
   ASSERT_EQ(Run({"upload", mesh}), kExitOk);

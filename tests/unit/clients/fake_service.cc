@@ -204,6 +204,15 @@ FakeService::FakeService() : impl_(std::make_unique<Impl>()) {
                response.set_content(cells.dump(), "application/json");
              }));
 
+  // It measures nothing itself; tests script what it answers.
+  const auto not_measured =
+      with_tree([](Impl::StoredTree&, const auto&, httplib::Response& response) {
+        Refuse(response, 404, "not_measured", "nothing has been measured for this tree");
+      });
+  server.Get("/v1/trees/([^/]+)/tradeoff", not_measured);
+  server.Post("/v1/trees/([^/]+)/tradeoff", not_measured);
+  server.Delete("/v1/trees/([^/]+)/tradeoff", not_measured);
+
   impl.port = server.bind_to_any_port("127.0.0.1");
   impl.thread = std::thread([&server] { server.listen_after_bind(); });
   while (!server.is_running()) std::this_thread::yield();
