@@ -31,7 +31,8 @@ inline constexpr double kDoublePad = 0x1p-45;
 /// The ray as the tests see it. Its parameter s relates to the caller's t by t = (s + shift) *
 /// 2^exponent: directions are scaled by an exact power of two so that the largest |component| lies
 /// in [1, 2), and an origin outside [-4, 4]^3 is moved along the ray to where it enters [-2, 2]^3,
-/// so that float tests keep their accuracy for far cameras.
+/// so that float tests keep their accuracy for far cameras. (Beyond 2^46 mesh sizes, to about where
+/// the ray is nearest to the mesh; then only `exact` promises anything.)
 struct LocalRay {
   Vec3d origin;     ///< |component| <= 4
   Vec3d direction;  ///< largest |component| in [1, 2)
@@ -55,15 +56,16 @@ struct LocalRay {
   double ToLocalT(double t) const { return ScaleByPowerOfTwo(t, -exponent) - shift; }
 };
 
-/// The part of a ray's parameter range that is still to be searched, local parameters. Not initialised, so that a
-/// traversal's stack costs nothing until it is used.
+/// The part of a ray's parameter range that is still to be searched, local parameters. Not
+/// initialised, so that a traversal's stack costs nothing until it is used.
 struct LocalInterval {
   double enter;
   double exit;
   bool IsEmpty() const { return !(enter <= exit); }
 };
 
-/// The local form of a valid ray (IsValid); keeps pointers to both arguments. Nothing when the ray misses [-2, 2]^3 and so the mesh.
+/// The local form of a valid ray (IsValid); keeps pointers to both arguments. Nothing when the ray
+/// misses [-2, 2]^3 and so the mesh.
 std::optional<LocalRay> MakeLocalRay(const Ray& ray, const MeshFrame& frame);
 
 /// Where the fat ray (half-width `pad`) is inside `box`; empty when it passes by. Right for zero

@@ -193,6 +193,41 @@ TEST(Crossings, StopWhenCancelled) {
             ErrorCode::kCancelled);
 }
 
+// Beyond some 2^50 mesh sizes a ray's place beside the mesh is lost in rounding, so trees may cull
+// nothing that the exact test accepts.
+TEST(TraceClosest, ExactAnswersAsRationalNumbersFromAnyDistance) {
+  auto engine = test::RandomEngine(2102);
+  const MeshData data = test::Join(test::Cube({0, 0, 0}, 0.75), test::Cube({0, 0, 0}, 0.5));
+  std::vector<Scene> scenes;
+  for (const BuildKind build : kAllBuildKinds) scenes.push_back(SceneOf(data, build));
+  const auto integer = [&] { return static_cast<double>(static_cast<int>(engine() % 1999) - 999); };
+  int hits = 0;
+  for (int k = 3; k <= 300; k += k < 70 ? 1 : 23) {
+    for (int i = 0; i < 8; ++i) {
+      Ray ray;
+      ray.direction = {integer(), integer(), integer()};
+      ray.origin = -ray.direction * std::ldexp(1, k);  // goes through the middle
+      if (i % 2 != 0) {
+        const int axis = static_cast<int>(engine() % 3);
+        ray.direction[axis] = 0;
+        ray.origin[axis] = 0.25 * static_cast<double>(engine() % 5);
+      }
+      if (!IsValid(ray)) continue;
+      const test::RationalClosestHit want = test::RationalClosest(data, ray);
+      hits += want.primitive_id != kNoPrimitive ? 1 : 0;
+      for (const Scene& scene : scenes) {
+        const Hit hit = ClosestHit(scene, ray, Precision::kExact);
+        ASSERT_EQ(hit.primitive_id, want.primitive_id)
+            << "2^" << k << ", " << Name(scene.tree->build);
+        if (hit.IsHit()) {
+          ASSERT_TRUE(test::IsWithinOneUlp(hit.t, want.t));
+        }
+      }
+    }
+  }
+  EXPECT_GT(hits, 300);
+}
+
 // A weight of a corner that the ray does not lean on is 0, and never -0, which a text would show.
 TEST(TraceClosest, GivesNoNegativeZeroWeights) {
   const Scene scene = SceneOf(LatticeSolids(), BuildKind::kKdSah);

@@ -136,6 +136,35 @@ TEST(ExactTest, AgreesWithRationalsForOriginsFarAway) {
   EXPECT_GT(tally.hits, 200);
 }
 
+// So far away that the mesh is smaller than the rounding of the way to it: only the numbers as
+// given tell whether the ray, which goes through the origin or a power of two beside it, hits.
+TEST(ExactTest, AgreesWithRationalsForOriginsFartherThanTheDigitsOfDouble) {
+  Tally tally;
+  const MeshFrame frame{};
+  for (int i = 0; i < 3'000 && !testing::Test::HasFatalFailure(); ++i) {
+    const auto point = [] { return Vec3d{Int(-7, 7) / 8.0, Int(-7, 7) / 8.0, Int(-7, 7) / 8.0}; };
+    const std::array<TriangleCorners, 2> triangles{TriangleCorners{point(), point(), point()},
+                                                   {point(), point(), point()}};
+    Ray ray;
+    ray.direction = Vec3d{double(Int(-999, 999)), double(Int(-999, 999)), double(Int(-999, 999))};
+    ray.origin = -ray.direction * std::ldexp(1, Int(40, 300));
+    if (Int(0, 1)) {
+      // An axis along which it does not run may hold the small number that counts.
+      const int axis = Int(0, 2);
+      ray.direction[axis] = 0;
+      ray.origin[axis] = Int(-7, 7) / 8.0;
+    }
+    if (!IsValid(ray)) continue;
+    if (!MakeLocalRay(ray, frame)) {
+      for (const TriangleCorners& triangle : triangles)
+        ASSERT_FALSE(RationalHit(ray, triangle)) << "case " << i;
+      continue;
+    }
+    Check(ray, triangles, frame, &tally);
+  }
+  EXPECT_GT(tally.hits, 500);
+}
+
 TEST(DoubleDouble, OperationsKeepTheirErrorBounds) {
   for (int i = 0; i < 5'000; ++i) {
     const auto number = [] {
