@@ -48,6 +48,10 @@ class RayBatch {
     return Ray{Vec3d(r.origin), static_cast<double>(r.t_min), Vec3d(r.direction),
                static_cast<double>(r.t_max)};
   }
+  /// Asks for the memory of a ray that is needed soon.
+  void Prefetch(std::size_t i) const {
+    std::visit([&](const auto& rays) { __builtin_prefetch(&rays[i]); }, rays_);
+  }
 
  private:
   std::variant<std::span<const Ray>, std::span<const RayF>> rays_;

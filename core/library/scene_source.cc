@@ -95,7 +95,7 @@ class SceneSource::Attempt {
         fetched_.was_built = made.ok();
       }
       if (!made.ok()) return std::move(made).error();
-      const std::uint64_t bytes = made->bytes();
+      const std::uint64_t bytes = made->most_bytes();
       if (Status status = Need(bytes); !status.ok()) return status;
       tree = source_->cache_->InsertTree(record_.id.mesh, *std::move(made), charge_.Split(bytes));
     }
@@ -121,10 +121,16 @@ class SceneSource::Attempt {
     }
     ++source_->builds_;
     const auto start = std::chrono::steady_clock::now();
-    std::optional<Result<Tree>> tree;
+    std::optional<Result<BinaryTree>> binary;
     source_->arena_->Run([&] {
-      tree = BuildTree(mesh, build, BuildOptions{watch_->cancel, &watch_->build_progress});
+      binary = BuildBinaryTree(mesh, build, BuildOptions{watch_->cancel, &watch_->build_progress});
     });
+    if (!binary->ok()) return (*binary).error();
+    if (Status status = Need(EstimateFinishBytes(**binary)); !status.ok()) {
+      return std::move(status).error();
+    }
+    std::optional<Tree> tree;
+    source_->arena_->Run([&] { tree = FinishTree(mesh, build, **binary); });
     fetched_.tree.build_ms =
         std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     return *std::move(tree);

@@ -3,8 +3,10 @@
 namespace kdray::core {
 
 Result<std::vector<TreeCell>> Scene::Cells(std::uint32_t depth, std::size_t limit) const {
-  Result<std::vector<TreeCell>> cells = std::visit(
-      [&](const auto& structure) { return structure.Cells(depth, limit); }, tree->structure);
+  const auto binary = tree->Binary(*mesh);
+  if (!binary.ok()) return binary.error();
+  Result<std::vector<TreeCell>> cells =
+      std::visit([&](const auto& structure) { return structure.Cells(depth, limit); }, **binary);
   if (!cells.ok()) return cells;
   for (TreeCell& cell : *cells) {
     cell.bounds.min = mesh->frame().ToWorld(cell.bounds.min);

@@ -1,8 +1,8 @@
 #include "core/scene/tree.h"
 
 #include <algorithm>
+#include <mutex>
 #include <thread>
-#include <type_traits>
 #include <utility>
 
 #include "core/box/box_list_builder.h"
@@ -12,27 +12,49 @@
 #include "core/kdtree/sweep_split.h"
 #include "core/tree/reference.h"
 #include "core/tree/sah_cost.h"
+#include "core/wide/collapse.h"
 
 namespace kdray::core {
+
+struct Tree::Kept {
+  std::mutex mutex;
+  std::shared_ptr<const BinaryTree> binary;
+};
+
+std::shared_ptr<Tree::Kept> Tree::MakeKept() { return std::make_shared<Kept>(); }
+
+Result<std::shared_ptr<const BinaryTree>> Tree::Binary(const TriangleMesh& mesh,
+                                                       const BuildOptions& options) const {
+  {
+    const std::lock_guard lock(kept_->mutex);
+    if (kept_->binary) return kept_->binary;
+  }
+  // Built without the lock: a thread that waited for it inside a parallel loop could be the one
+  // that the build itself waits for. Two at once make the same tree.
+  Result<BinaryTree> made = BuildBinaryTree(mesh, build, options);
+  if (!made.ok()) return std::move(made).error();
+  if (auto* kd_tree = std::get_if<KdTree>(&*made)) kd_tree->node_bounds = {};
+  auto binary = std::make_shared<const BinaryTree>(*std::move(made));
+  const std::lock_guard lock(kept_->mutex);
+  if (!kept_->binary) kept_->binary = std::move(binary);
+  return kept_->binary;
+}
 
 namespace {
 
 template <class Structure>
-Result<Tree> WithStats(BuildKind kind, Result<Structure> structure, const SahCost& cost) {
+Result<BinaryTree> ToBinary(Result<Structure> structure) {
   if (!structure.ok()) return std::move(structure).error();
-  // Nothing here wants the nodes' bounds, and they are most of a kd-tree's memory.
-  if constexpr (std::is_same_v<Structure, KdTree>) structure->node_bounds = {};
-  Tree tree{kind, std::move(*structure), {}};
-  tree.stats = ComputeStats(std::get<Structure>(tree.structure), cost);
-  return tree;
+  return BinaryTree(*std::move(structure));
 }
 
 }  // namespace
 
-Result<Tree> BuildTree(const TriangleMesh& mesh, BuildKind kind, const BuildOptions& options) {
+Result<BinaryTree> BuildBinaryTree(const TriangleMesh& mesh, BuildKind kind,
+                                   const BuildOptions& options) {
   const SahCost cost = SahCost::For(mesh.triangle_count());
   const auto kd_tree = [&](KdSplitRule rule) {
-    return WithStats(kind, BuildKdTree(mesh, rule, cost, options), cost);
+    return ToBinary(BuildKdTree(mesh, rule, cost, options));
   };
   switch (kind) {
     case BuildKind::kKdSah:
@@ -44,11 +66,35 @@ Result<Tree> BuildTree(const TriangleMesh& mesh, BuildKind kind, const BuildOpti
     case BuildKind::kKdMedian:
       return kd_tree(KdSplitRule::kMedian);
     case BuildKind::kBvh:
-      return WithStats(kind, BuildBvh(mesh, cost, options), cost);
+      return ToBinary(BuildBvh(mesh, cost, options));
     case BuildKind::kBox:
-      return WithStats(kind, BuildBoxList(mesh, options), cost);
+      return ToBinary(BuildBoxList(mesh, options));
   }
   return Error{ErrorCode::kInvalidArgument, "no such build"};
+}
+
+Result<Tree> BuildTree(const TriangleMesh& mesh, BuildKind kind, const BuildOptions& options) {
+  const Result<BinaryTree> binary = BuildBinaryTree(mesh, kind, options);
+  if (!binary.ok()) return binary.error();
+  return FinishTree(mesh, kind, *binary);
+}
+
+Tree FinishTree(const TriangleMesh& mesh, BuildKind kind, const BinaryTree& binary) {
+  const SahCost cost = SahCost::For(mesh.triangle_count());
+  Tree tree;
+  tree.build = kind;
+  std::visit(
+      [&](const auto& structure) {
+        tree.stats = ComputeStats(structure, cost);
+        tree.wide = Collapse(mesh, structure);
+      },
+      binary);
+  tree.stats.bytes = tree.bytes();
+  return tree;
+}
+
+std::uint64_t EstimateFinishBytes(const BinaryTree& binary) {
+  return std::visit([](const auto& tree) { return tree.bytes() + CollapseBytes(tree); }, binary);
 }
 
 // Upper bounds, derived from the limits of the builders rather than measured: a usual mesh needs a
@@ -60,14 +106,21 @@ std::uint64_t EstimateBuildBytes(std::size_t triangle_count, BuildKind kind) {
   // Triangles in the subtrees that single threads are at work on.
   const std::uint64_t serial = std::min(n, threads * KdBuildLimits::kTopReferences);
   constexpr std::uint64_t kFixed = 1 << 16;
+  // Wide trees come in huge pages; usual ones take 85 to 180 bytes a triangle, and twice as much
+  // while they are made.
+  constexpr std::uint64_t kWideFixed = std::uint64_t{4} << 20;
+  constexpr std::uint64_t kUsualWide = 450;
   switch (kind) {
     case BuildKind::kBox:
       // The only leaf holds everything, so the histogram of leaves has n + 1 places.
-      return kFixed + n * (sizeof(PrimitiveId) + sizeof(std::uint64_t));
+      return kFixed + kWideFixed +
+             n * (sizeof(PrimitiveId) + sizeof(std::uint64_t) + sizeof(LeafBlock) / 8);
     case BuildKind::kBvh:
       // References, ids, and the nodes (two for each triangle) as pieces and as one.
-      return kFixed + n * (sizeof(Reference) + sizeof(PrimitiveId) + 4 * sizeof(BvhNode)) +
-             serial * (3 * 2 * sizeof(BvhNode));
+      return kFixed + kWideFixed +
+             std::max(n * (sizeof(Reference) + sizeof(PrimitiveId) + 4 * sizeof(BvhNode)) +
+                          serial * (3 * 2 * sizeof(BvhNode)),
+                      n * kUsualWide);
     default:
       break;
   }
@@ -91,7 +144,7 @@ std::uint64_t EstimateBuildBytes(std::size_t triangle_count, BuildKind kind) {
   const std::uint64_t splitting = n * std::max(kLarge, kWeight * kFinished) + scratch;
   // Then the scratch is gone and the pieces are put together.
   const std::uint64_t assembling = n * 2 * kWeight * kFinished;
-  return kFixed + std::max(splitting, assembling);
+  return kFixed + kWideFixed + std::max({splitting, assembling, n * kUsualWide});
 }
 
 }  // namespace kdray::core

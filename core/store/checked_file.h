@@ -90,15 +90,23 @@ class CheckedReader {
   }
   template <class T>
   std::vector<T> GetArray() {
+    std::vector<T> values;
+    GetArray(&values);
+    return values;
+  }
+  /// The same into a vector with an allocator of its own.
+  template <class T, class Allocator>
+  void GetArray(std::vector<T, Allocator>* values) {
     static_assert(kStorable<T> && std::is_trivially_copyable_v<T>);
+    values->clear();
     const std::uint64_t count = Get<std::uint64_t>();
     if (count > remaining_ / sizeof(T)) {
       Fail();
-      return {};
+      return;
     }
-    std::vector<T> values(static_cast<std::size_t>(count));
-    GetBytes(std::as_writable_bytes(std::span(values)));
-    return status_.ok() ? std::move(values) : std::vector<T>();
+    values->resize(static_cast<std::size_t>(count));
+    GetBytes(std::as_writable_bytes(std::span(*values)));
+    if (!status_.ok()) values->clear();
   }
   void GetBytes(std::span<std::byte> out);
   /// The reader of a payload found something that cannot be.

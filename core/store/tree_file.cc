@@ -8,57 +8,29 @@
 namespace kdray::core {
 
 template <>
-inline constexpr bool kStorable<KdNode> = true;
+inline constexpr bool kStorable<WideNode> = true;
 template <>
-inline constexpr bool kStorable<BvhNode> = true;
+inline constexpr bool kStorable<LeafBlock> = true;
 
 namespace {
 
-// Raise the version whenever the layout below, or that of a node, changes.
-constexpr FileKind kTreeFileKind{"kdraytre", 1};
+// Raise the version whenever the layout below, or that of a node or block, changes.
+constexpr FileKind kTreeFileKind{"kdraytre", 2};
 
-void PutStructure(const BoxList& box, CheckedWriter* writer) {
-  writer->Put(box.bounds);
-  writer->PutArray(std::span(box.primitives));
-}
-void PutStructure(const Bvh& bvh, CheckedWriter* writer) {
-  writer->PutArray(std::span(bvh.nodes));
-  writer->PutArray(std::span(bvh.primitives));
-}
-void PutStructure(const KdTree& tree, CheckedWriter* writer) {
+void PutWideTree(const WideTree& tree, CheckedWriter* writer) {
   writer->Put(tree.bounds);
+  writer->Put(tree.root);
+  writer->Put(tree.stack_size);
   writer->PutArray(std::span(tree.nodes));
-  writer->PutArray(std::span(tree.primitives));
+  writer->PutArray(std::span(tree.blocks));
 }
 
-void GetStructure(CheckedReader* reader, BoxList* box) {
-  box->bounds = reader->Get<Bounds3f>();
-  box->primitives = reader->GetArray<PrimitiveId>();
-}
-void GetStructure(CheckedReader* reader, Bvh* bvh) {
-  bvh->nodes = reader->GetArray<BvhNode>();
-  bvh->primitives = reader->GetArray<PrimitiveId>();
-}
-void GetStructure(CheckedReader* reader, KdTree* tree) {
+void GetWideTree(CheckedReader* reader, WideTree* tree) {
   tree->bounds = reader->Get<Bounds3f>();
-  tree->nodes = reader->GetArray<KdNode>();
-  tree->primitives = reader->GetArray<PrimitiveId>();
-}
-
-// The structure that a build makes, empty.
-std::variant<BoxList, Bvh, KdTree> StructureOf(BuildKind build) {
-  switch (build) {
-    case BuildKind::kBox:
-      return BoxList{};
-    case BuildKind::kBvh:
-      return Bvh{};
-    case BuildKind::kKdSah:
-    case BuildKind::kKdBinned:
-    case BuildKind::kKdCyclic:
-    case BuildKind::kKdMedian:
-      break;
-  }
-  return KdTree{};
+  tree->root = reader->Get<std::uint32_t>();
+  tree->stack_size = reader->Get<std::uint32_t>();
+  reader->GetArray(&tree->nodes);
+  reader->GetArray(&tree->blocks);
 }
 
 }  // namespace
@@ -69,7 +41,7 @@ Result<NewBlob> WriteTreeFile(const TreeFileKey& key, const Tree& tree, NewBlob 
   writer.Put(std::uint64_t{key.triangle_count});
   PutEnum(key.build, &writer);
   writer.Put(kBuilderRevision);
-  std::visit([&](const auto& structure) { PutStructure(structure, &writer); }, tree.structure);
+  PutWideTree(tree.wide, &writer);
   PutTreeStats(tree.stats, &writer);
   return std::move(writer).Finish();
 }
@@ -83,14 +55,10 @@ Result<Tree> ReadTreeFile(const TreeFileKey& key, std::unique_ptr<ReadableFile> 
   if (!expected) reader.Fail();
   Tree tree;
   tree.build = key.build;
-  tree.structure = StructureOf(key.build);
-  std::visit([&](auto& structure) { GetStructure(&reader, &structure); }, tree.structure);
+  GetWideTree(&reader, &tree.wide);
   tree.stats = GetTreeStats(&reader);
   Status status = reader.Finish();
-  if (status.ok()) {
-    status =
-        std::visit([&](const auto& s) { return s.Validate(key.triangle_count); }, tree.structure);
-  }
+  if (status.ok()) status = tree.wide.Validate(key.triangle_count);
   if (!status.ok()) return std::move(status).error();
   return tree;
 }

@@ -20,24 +20,21 @@ struct Crossing {
 };
 
 /// Every crossing of one ray within the caller's interval, in order of id. Scratch is reused.
-template <class Structure, class CornersOf>
-void FindCrossings(const Structure& structure, const CornersOf& corners, const LocalRay& ray,
+template <class CornersOf>
+void FindCrossings(const WideTree& tree, const CornersOf& corners, const LocalRay& ray,
                    const ExactTest& test, std::vector<Crossing>* crossings) {
   crossings->clear();
-  structure.Traverse(
-      ray, test.pad(),
-      [&](std::span<const PrimitiveId> leaf) {
-        for (const PrimitiveId id : leaf) {
-          const auto [a, b, c] = corners(id);
-          ExactTest::Hit hit;
-          if (test.Test(a, b, c, &hit) && test.OwnsCrossing(a, b, c, hit) &&
-              test.IsInInterval(hit, id, corners)) {
-            crossings->push_back({hit, id});
-          }
-        }
-        return std::numeric_limits<double>::infinity();
-      },
-      [] {});
+  tree.Traverse(ray, test.pad(), [&](std::span<const PrimitiveId> leaf) {
+    for (const PrimitiveId id : leaf) {
+      const auto [a, b, c] = corners(id);
+      ExactTest::Hit hit;
+      if (test.Test(a, b, c, &hit) && test.OwnsCrossing(a, b, c, hit) &&
+          test.IsInInterval(hit, id, corners)) {
+        crossings->push_back({hit, id});
+      }
+    }
+    return std::numeric_limits<double>::infinity();
+  });
   // A triangle stands in several leaves of a kd-tree.
   std::sort(crossings->begin(), crossings->end(),
             [](const Crossing& a, const Crossing& b) { return a.id < b.id; });
@@ -51,7 +48,7 @@ void FindCrossings(const Structure& structure, const CornersOf& corners, const L
 template <class PerRay>
 Status ForEachRay(const Scene& scene, const RayBatch& rays, const CancelToken& cancel,
                   const PerRay& per_ray) {
-  const auto with = [&](const auto& structure, const auto& corners) {
+  const auto with = [&](const auto& corners) {
     return ForEachChunk(rays.size(), cancel, [&](std::size_t first, std::size_t last) {
       std::vector<Crossing> crossings;
       for (std::size_t i = first; i < last; ++i) {
@@ -60,18 +57,14 @@ Status ForEachRay(const Scene& scene, const RayBatch& rays, const CancelToken& c
         const std::optional<LocalRay> local = MakeLocalRay(ray, scene.mesh->frame());
         if (!local) continue;
         const ExactTest test(*local);
-        FindCrossings(structure, corners, *local, test, &crossings);
+        FindCrossings(scene.tree->wide, corners, *local, test, &crossings);
         per_ray(i, test, corners, crossings);
       }
     });
   };
-  return std::visit(
-      [&](const auto& structure) {
-        return scene.mesh->VisitVertices([&]<class Stored>(std::span<const Vec3<Stored>> vertices) {
-          return with(structure, Corners<double, Stored>(vertices, scene.mesh->triangles()));
-        });
-      },
-      scene.tree->structure);
+  return scene.mesh->VisitVertices([&]<class Stored>(std::span<const Vec3<Stored>> vertices) {
+    return with(Corners<double, Stored>(vertices, scene.mesh->triangles()));
+  });
 }
 
 }  // namespace

@@ -110,6 +110,9 @@ class FastTest : public RoundedOrder {
   explicit FastTest(const LocalRay& ray)
       : RoundedOrder(ray), origin_(ray.origin), direction_(ray.direction) {}
   double pad() const { return kPad; }
+  /// How far apart the two points may be: half of kPad; the other half is for the rounding of the
+  /// check itself.
+  static constexpr float kTolerance = 0x1p-18f;
 
   bool Test(const Vec3f& a, const Vec3f& b, const Vec3f& c, LeafHit* hit) const;
 
@@ -220,8 +223,6 @@ inline bool FastTest::Test(const Vec3f& a, const Vec3f& b, const Vec3f& c, LeafH
   if (!(v >= 0 && u + v <= 1)) return false;
   const float s = Dot(edge_c, q) * inverse;
 
-  constexpr float kTolerance =
-      0x1p-18f;  // half of kPad; the other half is for the rounding of this check itself
   const Vec3f gap = (from_a + direction_ * s) - (edge_b * u + edge_c * v);
   if (!(MaxAbs(gap) <= kTolerance)) {
     return WatertightTest<double>(ray()).Test(Vec3d(a), Vec3d(b), Vec3d(c), hit);

@@ -1,6 +1,5 @@
-// One ray through one structure: the plain path of closest hit and any hit, templated over the leaf
-// test and the structure. core/trace/trace.cc picks the instance for a batch; the SIMD engines are
-// its siblings.
+// One ray through one structure: the plain path of closest hit, templated over the leaf test and
+// the structure. The engines (core/trace/engine) are its fast siblings.
 #pragma once
 
 #include <array>
@@ -44,57 +43,48 @@ struct CountCost {
   void CountTriangles(std::size_t n) { cost->triangles_tested += static_cast<std::uint32_t>(n); }
 };
 
-/// The closest accepted triangle within the caller's interval; Hit{} on a miss.
+/// One ray's search for the closest accepted triangle within the caller's interval.
+template <class Test>
+struct ClosestSearch {
+  typename Test::Hit best{};
+  PrimitiveId best_id = kNoPrimitive;
+  /// The local parameter beyond which nothing can be closer.
+  double limit = std::numeric_limits<double>::infinity();
+
+  /// Returns whether the triangle was kept.
+  template <class Corners>
+  bool Offer(const Test& test, PrimitiveId id, const Corners& corners) {
+    const auto [a, b, c] = corners(id);
+    typename Test::Hit hit;
+    if (!test.Test(a, b, c, &hit)) return false;
+    if (best_id != kNoPrimitive && !test.IsCloser(hit, id, best, best_id, corners)) return false;
+    if (!test.IsInInterval(hit, id, corners)) return false;
+    best = hit;
+    best_id = id;
+    limit = hit.s + test.Slack();
+    return true;
+  }
+  Hit Finish(const Test& test) const {
+    if (best_id == kNoPrimitive) return Hit{};
+    return Hit{test.CallerT(best), best.u, best.v, best_id};
+  }
+};
+
+/// The closest accepted triangle; Hit{} on a miss.
 template <class Test, class Structure, class Corners, class Cost>
 Hit FindClosest(const Structure& structure, const Corners& corners, const LocalRay& ray,
                 Cost cost) {
   const Test test(ray);
-  typename Test::Hit best{};
-  PrimitiveId best_id = kNoPrimitive;
-  double limit = std::numeric_limits<double>::infinity();
-
+  ClosestSearch<Test> closest;
   structure.Traverse(
       ray, test.pad(),
       [&](std::span<const PrimitiveId> leaf) {
         cost.CountTriangles(leaf.size());
-        for (const PrimitiveId id : leaf) {
-          const auto [a, b, c] = corners(id);
-          typename Test::Hit hit;
-          if (!test.Test(a, b, c, &hit)) continue;
-          if (best_id != kNoPrimitive && !test.IsCloser(hit, id, best, best_id, corners)) continue;
-          if (!test.IsInInterval(hit, id, corners)) continue;
-          best = hit;
-          best_id = id;
-          limit = hit.s + test.Slack();
-        }
-        return limit;
+        for (const PrimitiveId id : leaf) closest.Offer(test, id, corners);
+        return closest.limit;
       },
       [&] { cost.CountNode(); });
-
-  if (best_id == kNoPrimitive) return Hit{};
-  return Hit{test.CallerT(best), best.u, best.v, best_id};
-}
-
-/// Whether FindClosest would find anything.
-template <class Test, class Structure, class Corners>
-bool FindAny(const Structure& structure, const Corners& corners, const LocalRay& ray) {
-  const Test test(ray);
-  bool found = false;
-  structure.Traverse(
-      ray, test.pad(),
-      [&](std::span<const PrimitiveId> leaf) {
-        for (const PrimitiveId id : leaf) {
-          const auto [a, b, c] = corners(id);
-          typename Test::Hit hit;
-          if (test.Test(a, b, c, &hit) && test.IsInInterval(hit, id, corners)) {
-            found = true;
-            return -std::numeric_limits<double>::infinity();
-          }
-        }
-        return std::numeric_limits<double>::infinity();
-      },
-      [] {});
-  return found;
+  return closest.Finish(test);
 }
 
 }  // namespace kdray::core

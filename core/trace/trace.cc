@@ -2,75 +2,53 @@
 
 #include <atomic>
 #include <cassert>
+#include <memory>
+#include <vector>
 
 #include "core/base/parallel.h"
+#include "core/trace/engine/choice.h"
+#include "core/trace/engine/engine.h"
+#include "core/trace/engine/judge.h"
+#include "core/trace/engine/ray_order.h"
 #include "core/trace/exact_test.h"
 #include "core/trace/query.h"
 
 namespace kdray::core {
 namespace {
 
-// A block is what one thread takes at a time; between chunks of it the clock is looked at. Tracing
-// a chunk takes some 100 microseconds through a tree, so a cancelled request ends promptly even in
-// a box of many triangles.
+// A block is what one thread takes at a time. Engines look at the clock once in so many rays
+// (EngineJob::cancel), so a cancelled request ends promptly even in a box of many triangles.
 constexpr std::size_t kBlockRays = 4096;
+constexpr std::size_t kSortedRays = std::size_t{1} << 17;
 constexpr std::size_t kChunkRays = 64;
 
-/// Calls f(structure, corners, test tag) for the scene's structure, stored number type and
-/// precision.
+/// Calls f(corners, test tag) for the mesh's stored number type and the precision.
 template <class Test>
 struct TestTag {
   using Type = Test;
 };
 
 template <class F>
-void Dispatch(const Scene& scene, Precision precision, const F& f) {
-  std::visit(
-      [&](const auto& structure) {
-        scene.mesh->VisitVertices([&]<class Stored>(std::span<const Vec3<Stored>> vertices) {
-          const auto with = [&]<class Test>(TestTag<Test> tag) {
-            f(structure, Corners<typename Test::Number, Stored>(vertices, scene.mesh->triangles()),
-              tag);
-          };
-          switch (precision) {
-            case Precision::kFast:
-              with(TestTag<FastTest>());
-              return;
-            case Precision::kWatertight:
-              with(TestTag<WatertightTest<float>>());
-              return;
-            case Precision::kDouble:
-              with(TestTag<WatertightTest<double>>());
-              return;
-            case Precision::kExact:
-              with(TestTag<ExactTest>());
-              return;
-          }
-        });
-      },
-      scene.tree->structure);
-}
-
-/// per_ray(structure, corners, tag, i, ray) for every ray of the batch, in parallel.
-template <class PerRay>
-Status ForEachRay(const Scene& scene, const RayBatch& rays, const TraceOptions& options,
-                  const PerRay& per_ray) {
-  std::atomic<bool> stopped{false};
-  Dispatch(scene, options.precision, [&](const auto& structure, const auto& corners, auto tag) {
-    ParallelFor(0, rays.size(), kBlockRays, [&](std::size_t first, std::size_t last) {
-      for (std::size_t chunk = first; chunk < last; chunk += kChunkRays) {
-        if (stopped.load(std::memory_order_relaxed)) return;
-        if (options.cancel.ShouldStop()) {
-          stopped.store(true, std::memory_order_relaxed);
-          return;
-        }
-        const std::size_t end = std::min(last, chunk + kChunkRays);
-        for (std::size_t i = chunk; i < end; ++i) per_ray(structure, corners, tag, i, rays[i]);
-      }
-    });
+void Dispatch(const TriangleMesh& mesh, Precision precision, const F& f) {
+  mesh.VisitVertices([&]<class Stored>(std::span<const Vec3<Stored>> vertices) {
+    const auto with = [&]<class Test>(TestTag<Test> tag) {
+      f(Corners<typename Test::Number, Stored>(vertices, mesh.triangles()), tag);
+    };
+    switch (precision) {
+      case Precision::kFast:
+        with(TestTag<FastTest>());
+        return;
+      case Precision::kWatertight:
+        with(TestTag<WatertightTest<float>>());
+        return;
+      case Precision::kDouble:
+        with(TestTag<WatertightTest<double>>());
+        return;
+      case Precision::kExact:
+        with(TestTag<ExactTest>());
+        return;
+    }
   });
-  if (stopped) return options.cancel.ToError();
-  return {};
 }
 
 Hit InvalidRow() {
@@ -79,20 +57,35 @@ Hit InvalidRow() {
   return hit;
 }
 
-template <class Test, class Structure, class Corners, class Cost>
-Hit ClosestOf(const Scene& scene, const Structure& structure, const Corners& corners,
-              const Ray& ray, Cost cost) {
-  if (!IsValid(ray)) return InvalidRow();
-  const std::optional<LocalRay> local = MakeLocalRay(ray, scene.mesh->frame());
-  if (!local) return Hit{};
-  return FindClosest<Test>(structure, corners, *local, cost);
-}
-
-template <class Test, class Structure, class Corners>
-bool AnyOf(const Scene& scene, const Structure& structure, const Corners& corners, const Ray& ray) {
-  if (!IsValid(ray)) return false;
-  const std::optional<LocalRay> local = MakeLocalRay(ray, scene.mesh->frame());
-  return local && FindAny<Test>(structure, corners, *local);
+/// Both kinds of query: `job` has its answers' place, the rest is filled in here.
+Status TraceByEngine(const Scene& scene, const RayBatch& rays, const TraceOptions& options,
+                     EngineJob job) {
+  const std::unique_ptr<const Judge> judge = MakeJudge(*scene.mesh, options.precision);
+  std::atomic<bool> stopped{false};
+  job.tree = &scene.tree->wide;
+  job.mesh = scene.mesh.get();
+  job.judge = judge.get();
+  job.precision = options.precision;
+  job.rays = rays;
+  job.cancel = &options.cancel;
+  job.stopped = &stopped;
+  ChooseEngines(options, &job);
+  if (job.sort) {
+    // Larger blocks than otherwise: the more rays, the more alike are neighbours.
+    ParallelFor(0, rays.size(), kSortedRays, [&](std::size_t first, std::size_t last) {
+      std::vector<std::uint32_t> rows(last - first);
+      OrderRays(rays, scene.mesh->bounds(), job.hits != nullptr, first, rows);
+      EngineJob sorted = job;
+      sorted.rows = rows.data();
+      ParallelFor(0, rows.size(), kBlockRays,
+                  [&](std::size_t a, std::size_t b) { TraceBlock(sorted, a, b); });
+    });
+  } else {
+    ParallelFor(0, rays.size(), kBlockRays,
+                [&](std::size_t first, std::size_t last) { TraceBlock(job, first, last); });
+  }
+  if (stopped) return options.cancel.ToError();
+  return {};
 }
 
 }  // namespace
@@ -100,51 +93,61 @@ bool AnyOf(const Scene& scene, const Structure& structure, const Corners& corner
 Status TraceClosest(const Scene& scene, RayBatch rays, const TraceOptions& options,
                     std::span<Hit> hits) {
   assert(hits.size() == rays.size());
-  return ForEachRay(
-      scene, rays, options,
-      [&](const auto& structure, const auto& corners, auto tag, std::size_t i, const Ray& ray) {
-        using Test = typename decltype(tag)::Type;
-        hits[i] = ClosestOf<Test>(scene, structure, corners, ray, NoCost{});
-      });
+  EngineJob job;
+  job.hits = hits.data();
+  return TraceByEngine(scene, rays, options, job);
 }
 
 Status TraceAny(const Scene& scene, RayBatch rays, const TraceOptions& options,
                 std::span<std::uint8_t> occluded) {
   assert(occluded.size() == rays.size());
-  return ForEachRay(
-      scene, rays, options,
-      [&](const auto& structure, const auto& corners, auto tag, std::size_t i, const Ray& ray) {
-        using Test = typename decltype(tag)::Type;
-        occluded[i] = AnyOf<Test>(scene, structure, corners, ray) ? 1 : 0;
-      });
+  EngineJob job;
+  job.occluded = occluded.data();
+  return TraceByEngine(scene, rays, options, job);
 }
 
 Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& options,
                    std::span<Hit> hits, std::span<TraceCost> costs) {
   assert(hits.size() == rays.size() && costs.size() == rays.size());
-  return ForEachRay(
-      scene, rays, options,
-      [&](const auto& structure, const auto& corners, auto tag, std::size_t i, const Ray& ray) {
-        using Test = typename decltype(tag)::Type;
-        costs[i] = {};
-        hits[i] = ClosestOf<Test>(scene, structure, corners, ray, CountCost{&costs[i]});
-      });
+  const auto binary = scene.tree->Binary(*scene.mesh, BuildOptions{options.cancel});
+  if (!binary.ok()) return binary.error();
+  std::atomic<bool> stopped{false};
+  const auto trace = [&](const auto& structure, const auto& corners, auto tag, std::size_t i) {
+    using Test = typename decltype(tag)::Type;
+    costs[i] = {};
+    hits[i] = InvalidRow();
+    const Ray ray = rays[i];
+    if (!IsValid(ray)) return;
+    const std::optional<LocalRay> local = MakeLocalRay(ray, scene.mesh->frame());
+    hits[i] = local ? FindClosest<Test>(structure, corners, *local, CountCost{&costs[i]}) : Hit{};
+  };
+  Dispatch(*scene.mesh, options.precision, [&](const auto& corners, auto tag) {
+    std::visit(
+        [&](const auto& structure) {
+          ParallelFor(0, rays.size(), kChunkRays, [&](std::size_t first, std::size_t last) {
+            if (stopped.load(std::memory_order_relaxed)) return;
+            if (options.cancel.ShouldStop()) {
+              stopped.store(true, std::memory_order_relaxed);
+              return;
+            }
+            for (std::size_t i = first; i < last; ++i) trace(structure, corners, tag, i);
+          });
+        },
+        **binary);
+  });
+  if (stopped) return options.cancel.ToError();
+  return {};
 }
 
 Hit ClosestHit(const Scene& scene, const Ray& ray, Precision precision) {
-  Hit hit;
-  Dispatch(scene, precision, [&](const auto& structure, const auto& corners, auto tag) {
-    hit = ClosestOf<typename decltype(tag)::Type>(scene, structure, corners, ray, NoCost{});
-  });
-  return hit;
+  if (!IsValid(ray)) return InvalidRow();
+  const std::optional<LocalRay> local = MakeLocalRay(ray, scene.mesh->frame());
+  if (!local) return Hit{};
+  return MakeJudge(*scene.mesh, precision)->Closest(*local, scene.tree->wide);
 }
 
 bool AnyHit(const Scene& scene, const Ray& ray, Precision precision) {
-  bool found = false;
-  Dispatch(scene, precision, [&](const auto& structure, const auto& corners, auto tag) {
-    found = AnyOf<typename decltype(tag)::Type>(scene, structure, corners, ray);
-  });
-  return found;
+  return ClosestHit(scene, ray, precision).IsHit();
 }
 
 }  // namespace kdray::core

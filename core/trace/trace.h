@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "core/base/cancel.h"
@@ -12,6 +13,8 @@
 #include "core/geometry/hit.h"
 #include "core/geometry/ray.h"
 #include "core/scene/scene.h"
+#include "core/trace/engine/kind.h"
+#include "core/trace/engine/simd_level.h"
 #include "core/trace/precision.h"
 
 namespace kdray::core {
@@ -19,6 +22,12 @@ namespace kdray::core {
 struct TraceOptions {
   Precision precision = Precision::kWatertight;
   CancelToken cancel;
+
+  /// For tests and benchmarks; when absent, the rays and the processor decide. No answer depends on
+  /// any of them. A level must be one of SupportedSimdLevels().
+  std::optional<Engine> engine = {};
+  std::optional<SimdLevel> simd = {};
+  std::optional<bool> sort = {};  ///< bring rays that are alike together before they are traced
 };
 
 /// Work done for one ray; what the `cost` picture shows. Depends on the build, unlike answers.

@@ -102,7 +102,7 @@ TEST(N08, OriginsOnPlanesFacesVerticesAndTrianglesAgreeWithBruteForce) {
   const Bounds3d bounds = BoundsOf(data);
   std::vector<Vec3d> planes;  // a coordinate per axis that some tree splits at
   for (const Scene& scene : MakeScenes(data)) {
-    if (const auto* tree = std::get_if<KdTree>(&scene.tree->structure)) {
+    if (const auto* tree = std::get_if<KdTree>(scene.tree->Binary(*scene.mesh)->get())) {
       for (const KdNode& node : tree->nodes) {
         if (node.IsLeaf()) continue;
         Vec3d at = scene.mesh->frame().ToLocal(PointIn(bounds, engine));

@@ -5,9 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <map>
 #include <memory>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -27,13 +29,6 @@ namespace kdray::test {
 namespace {
 
 using namespace core;
-
-/// All that decides how a batch is worked off.
-std::vector<TraceOptions> WaysToTrace(Precision precision) {
-  std::vector<TraceOptions> ways;
-  ways.push_back(With(precision));
-  return ways;
-}
 
 struct Answers {
   std::vector<Hit> hits;
@@ -100,6 +95,81 @@ std::vector<MeshData> Meshes() {
           UvSphere({448'251.25, 5'411'932.5, 122.75}, 10, 12, 20), Cube({0.5, 0.5, 0.5}, 0.5)};
 }
 
+/// Rays that packets are made of: tiles of a camera's picture, some aimed at the very vertices and
+/// middles of edges, some with an interval of their own; and to a light from where those tiles hit.
+std::vector<RayF> PacketRays(const MeshData& data, const Bounds3d& bounds,
+                             std::mt19937_64& engine) {
+  std::vector<RayF> rays;
+  const Vec3d center = bounds.Center();
+  const double size = Length(bounds.Extent());
+  for (int view = 0; view < 6; ++view) {
+    const Vec3f eye(center + Normalized(Vec3d{Uniform(engine, -1, 1), Uniform(engine, -1, 1),
+                                              Uniform(engine, -1, 1)}) *
+                                 (size * (view == 0 ? 20 : Uniform(engine, 0.4, 1.5))));
+    const Vec3d forward = center - Vec3d(eye);
+    const Vec3d right = Normalized(Cross(forward, Vec3d{0.1, 1, 0.2})) * size;
+    const Vec3d up = Normalized(Cross(right, forward)) * size;
+    const Vec3f light(center + Vec3d{0.3, 0.7, 0.4} * size);
+    for (int tile = 0; tile < 6; ++tile) {
+      const double x0 = Uniform(engine, -0.5, 0.5), y0 = Uniform(engine, -0.5, 0.5);
+      const double pixel = tile % 2 == 0 ? 0.002 : 0.01;
+      const std::size_t first = rays.size();
+      for (int i = 0; i < 64; ++i) {
+        const Vec3d at = forward + right * (x0 + pixel * (i % 8)) + up * (y0 + pixel * (i / 8));
+        rays.push_back({eye, 0, Vec3f(at), INFINITY});
+      }
+      // The vertices and edges that these pixels see.
+      for (const TriangleIndices& t : data.triangles) {
+        const Vec3d a = data.vertices[t[0]], b = data.vertices[t[1]];
+        for (const Vec3d& point : {a, a * 0.5 + b * 0.5}) {
+          const Vec3d to = point - Vec3d(eye);
+          const Vec3d on_plane = to * (Dot(forward, forward) / Dot(to, forward)) - forward;
+          const double x = (Dot(on_plane, right) / Dot(right, right) - x0) / pixel;
+          const double y = (Dot(on_plane, up) / Dot(up, up) - y0) / pixel;
+          if (!(x > -0.5 && x < 7.5 && y > -0.5 && y < 7.5) || Dot(to, forward) <= 0) continue;
+          const std::size_t i = static_cast<std::size_t>(std::lround(x) + 8 * std::lround(y));
+          rays[first + i].direction = Vec3f(point) - eye;
+        }
+      }
+      if (tile == 4) {
+        for (std::size_t i = first; i < rays.size(); i += 3) {
+          rays[i].t_min = static_cast<float>(Uniform(engine, 0, 1));
+          rays[i].t_max = static_cast<float>(Uniform(engine, 1, 2));
+        }
+      }
+      for (std::size_t i = first; i < first + 64; ++i) {
+        const Vec3f start = rays[i].origin + rays[i].direction * 0.9F;
+        rays.push_back({start, 0, light - start, 1});
+      }
+    }
+  }
+  return rays;
+}
+
+TEST(N20, APacketAnswersAsItsRaysAloneDo) {
+  auto engine = RandomEngine(2064);
+  std::vector<MeshData> meshes = Meshes();
+  meshes.push_back(RoundToFloat(BumpySphere({0, 0, 0}, 1, 60, 90, 0.3)));
+  meshes.push_back(Soup(300, 0.3, 77));
+  for (const MeshData& data : meshes) {
+    const Scene scene = MakeScene(data, BuildKind::kKdSah);
+    const std::vector<RayF> rays = PacketRays(data, scene.mesh->bounds(), engine);
+    const std::vector<Ray> wide = Widened(rays);
+    for (const Precision precision : kAllPrecisions) {
+      Answers want;
+      for (const Ray& ray : wide) {
+        want.hits.push_back(ClosestHit(scene, ray, precision));
+        want.occluded.push_back(want.hits.back().IsHit() ? 1 : 0);
+      }
+      for (const TraceOptions& way : WaysToTrace(precision)) {
+        const Answers got = Trace(scene, rays, way, rays.size());
+        ASSERT_TRUE(SameBits(got.hits, want.hits)) << Describe(way);
+        ASSERT_EQ(got.occluded, want.occluded) << Describe(way);
+      }
+    }
+  }
+}
+
 TEST(N20, BuildThreadsBatchAndEngineChangeNoBit) {
   for (const MeshData& data : Meshes()) {
     const ClosedMesh mesh = MakeClosedMesh("mesh", data);
@@ -111,16 +181,26 @@ TEST(N20, BuildThreadsBatchAndEngineChangeNoBit) {
         want.hits.push_back(BruteForceClosest(*mesh.scene.mesh, ray, precision));
         want.occluded.push_back(want.hits.back().IsHit() ? 1 : 0);
       }
-      for (const Scene& scene : MakeScenes(data)) {
-        for (const TraceOptions& way : WaysToTrace(precision)) {
-          for (const int threads : {1, 2, 5}) {
+      const std::vector<Scene> scenes = MakeScenes(data);
+      const std::vector<TraceOptions> ways = WaysToTrace(precision);
+      for (std::size_t s = 0; s < scenes.size(); ++s) {
+        const Scene& scene = scenes[s];
+        for (std::size_t w = 0; w < ways.size(); ++w) {
+          // The usual way with everything; each engine on each level with one build, one number of
+          // threads and one piece.
+          const bool usual = w == 0;
+          if (!usual && w % scenes.size() != s) continue;
+          const TraceOptions& way = ways[w];
+          for (const int threads : usual ? std::vector{1, 2, 5} : std::vector{2}) {
             Arena arena(threads);
             arena.Run([&] {
-              for (const std::size_t piece : {std::size_t{1}, std::size_t{13}, rays.size()}) {
+              const std::size_t all = rays.size();
+              for (const std::size_t piece :
+                   usual ? std::vector<std::size_t>{1, 13, all} : std::vector<std::size_t>{97}) {
                 for (const Answers& got :
                      {Trace(scene, rays, way, piece), Trace(scene, floats, way, piece)}) {
                   ASSERT_TRUE(SameBits(got.hits, want.hits))
-                      << Name(scene.tree->build) << ", " << Name(precision) << ", " << threads
+                      << Name(scene.tree->build) << ", " << Describe(way) << ", " << threads
                       << " threads, batches of " << piece;
                   ASSERT_EQ(got.occluded, want.occluded);
                 }

@@ -61,6 +61,30 @@ std::vector<Scene> MakeScenes(const MeshData& data) {
   return scenes;
 }
 
+std::vector<TraceOptions> WaysToTrace(Precision precision) {
+  std::vector<TraceOptions> ways = {With(precision)};
+  for (const SimdLevel level : SupportedSimdLevels()) {
+    for (const Engine engine : kAllEngines) {
+      for (const bool sort : {false, true}) {
+        TraceOptions way = With(precision);
+        way.simd = level;
+        way.engine = engine;
+        way.sort = sort;
+        ways.push_back(way);
+      }
+    }
+  }
+  return ways;
+}
+
+std::string Describe(const TraceOptions& way) {
+  std::string text(Name(way.precision));
+  if (way.simd) text += ", " + std::string(Name(*way.simd));
+  if (way.engine) text += ", " + std::string(Name(*way.engine));
+  if (way.sort && *way.sort) text += ", sorted";
+  return text;
+}
+
 TraceOptions With(Precision precision) {
   TraceOptions options;
   options.precision = precision;
@@ -142,15 +166,19 @@ void ExpectSameAsBruteForce(const MeshData& data, const std::vector<Ray>& rays,
     std::vector<Hit> expected;
     for (const Ray& ray : rays)
       expected.push_back(BruteForceClosest(*scenes[0].mesh, ray, precision));
-    for (const Scene& scene : scenes) {
+    // One scene after the other by every way; all of them by the usual one.
+    const std::vector<TraceOptions> ways = WaysToTrace(precision);
+    for (std::size_t k = 0; k < std::max(scenes.size(), ways.size()); ++k) {
+      const Scene& scene = scenes[k % scenes.size()];
+      const TraceOptions& way = k < scenes.size() ? ways[0] : ways[k % ways.size()];
       std::vector<Hit> hits(rays.size());
       std::vector<std::uint8_t> occluded(rays.size());
       const std::span<const Ray> batch(rays);
-      ASSERT_TRUE(TraceClosest(scene, batch, With(precision), hits).ok());
-      ASSERT_TRUE(TraceAny(scene, batch, With(precision), occluded).ok());
+      ASSERT_TRUE(TraceClosest(scene, batch, way, hits).ok());
+      ASSERT_TRUE(TraceAny(scene, batch, way, occluded).ok());
       for (std::size_t i = 0; i < rays.size(); ++i) {
         ASSERT_TRUE(SameHit(hits[i], expected[i]))
-            << Name(scene.tree->build) << ", " << Name(precision) << ", ray " << i << ": "
+            << Name(scene.tree->build) << ", " << Describe(way) << ", ray " << i << ": "
             << Describe(rays[i]) << "\n  tree  t " << hits[i].t << " triangle "
             << hits[i].primitive_id << "\n  brute t " << expected[i].t << " triangle "
             << expected[i].primitive_id;

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <random>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -22,6 +23,11 @@ std::vector<core::Scene> MakeScenes(const core::MeshData& data);
 
 /// The usual options in that precision.
 core::TraceOptions With(core::Precision precision);
+
+/// Every way to work off a batch: as the batch suggests, and each engine on each level of vectors
+/// that the processor has, sorted and not.
+std::vector<core::TraceOptions> WaysToTrace(core::Precision precision);
+std::string Describe(const core::TraceOptions& way);
 
 /// From the collection (tests/support/mesh_files.h).
 core::MeshData ReadCollectionMesh(std::string_view file);

@@ -148,7 +148,6 @@ TEST(TreeFile, GivesBackTheSameTreeForEveryBuild) {
     ASSERT_TRUE(read.ok()) << Name(build) << ": " << read.error().message;
     EXPECT_EQ(read->build, build);
     EXPECT_EQ(read->stats, stored.tree.stats);
-    EXPECT_EQ(read->structure.index(), stored.tree.structure.index());
     EXPECT_EQ(Write(stored.key, *read), stored.bytes) << Name(build);
   }
 }
@@ -207,11 +206,12 @@ TEST(TreeFile, OfAnotherFormatVersionOrByteOrderIsRefusedThoughItsDigestFits) {
 
 TEST(TreeFile, WithACountBeyondItsLengthAllocatesNothingForIt) {
   const StoredTree stored = StoreSphere(BuildKind::kKdSah);
-  // Header 16, digest 32, triangles 8, build 1, revision 4, bounds 24; then the number of nodes.
-  const std::size_t count_at = 16 + 32 + 8 + 1 + 4 + 24;
+  // Header 16, digest 32, triangles 8, build 1, revision 4, bounds 24, root 4, stack 4; then the
+  // number of nodes.
+  const std::size_t count_at = 16 + 32 + 8 + 1 + 4 + 24 + 4 + 4;
   std::uint64_t count = 0;
   std::memcpy(&count, stored.bytes.data() + count_at, sizeof count);
-  ASSERT_EQ(count, stored.tree.stats.nodes) << "the test knows the layout";
+  ASSERT_EQ(count, stored.tree.wide.nodes.size()) << "the test knows the layout";
   for (const std::uint64_t lie :
        {std::uint64_t{1} << 60, ~std::uint64_t{0}, stored.bytes.size() / 8}) {
     FileBytes other = stored.bytes;
@@ -226,15 +226,25 @@ TEST(TreeFile, WithACountBeyondItsLengthAllocatesNothingForIt) {
 TEST(TreeFile, WithAStructureThatCannotBeTraversedIsRefusedThoughItsDigestFits) {
   const StoredTree stored = StoreSphere(BuildKind::kKdSah);
   Tree bad = stored.tree;
-  auto& tree = std::get<KdTree>(bad.structure);
-  tree.primitives.at(0) = static_cast<PrimitiveId>(stored.key.triangle_count);
-  EXPECT_FALSE(Read(stored.key, Write(stored.key, bad)).ok());
+  bad.wide.blocks.at(0).id[1] = static_cast<PrimitiveId>(stored.key.triangle_count);
+  EXPECT_FALSE(Read(stored.key, Write(stored.key, bad)).ok()) << "no such triangle";
 
   bad = stored.tree;
-  auto& loop = std::get<KdTree>(bad.structure);
-  ASSERT_FALSE(loop.nodes.at(0).IsLeaf());
-  loop.nodes[0] = KdNode::Interior(loop.nodes[0].axis(), loop.nodes[0].split(), 0);
-  EXPECT_FALSE(Read(stored.key, Write(stored.key, bad)).ok());
+  ASSERT_FALSE(bad.wide.nodes.empty());
+  bad.wide.nodes.back().child[0] = 0;
+  EXPECT_FALSE(Read(stored.key, Write(stored.key, bad)).ok()) << "a child above its parent";
+
+  bad = stored.tree;
+  bad.wide.nodes.at(0).order[3] ^= 1;
+  EXPECT_FALSE(Read(stored.key, Write(stored.key, bad)).ok()) << "a child twice in the order";
+
+  bad = stored.tree;
+  bad.wide.blocks.back().id[0] &= LeafBlock::kIdMask;
+  EXPECT_FALSE(Read(stored.key, Write(stored.key, bad)).ok()) << "a leaf without an end";
+
+  bad = stored.tree;
+  --bad.wide.stack_size;
+  EXPECT_FALSE(Read(stored.key, Write(stored.key, bad)).ok()) << "a stack that would overflow";
 }
 
 TEST(TreeFile, PassesOnAnErrorOfTheDisk) {

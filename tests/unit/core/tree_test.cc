@@ -67,19 +67,21 @@ TEST(BuildTree, HoldsWhatTraversalReliesOnForEveryBuildAndMesh) {
       const auto tree = core::BuildTree(mesh, kind);
       ASSERT_TRUE(tree.ok());
       EXPECT_EQ(tree->build, kind);
+      EXPECT_TRUE(tree->wide.Validate(mesh.triangle_count()).ok());
       std::visit(
           [&](const auto& structure) {
             EXPECT_TRUE(structure.Validate(mesh.triangle_count()).ok());
             CheckReachability(structure, mesh);
           },
-          tree->structure);
+          *tree->Binary(mesh).value());
     }
   }
 }
 
 template <class T>
-bool SameBytes(const std::vector<T>& a, const std::vector<T>& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+requires requires(const T& v) { v.data(); }
+bool SameBytes(const T& a, const T& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(a[0])) == 0;
 }
 bool SameBytes(const core::KdTree& a, const core::KdTree& b) {
   return a.bounds == b.bounds && SameBytes(a.nodes, b.nodes) &&
@@ -106,12 +108,14 @@ TEST(BuildTree, GivesTheSameBytesForEveryNumberOfThreads) {
       arena.Run([&] {
         const Tree tree = core::BuildTree(mesh, kind).value();
         EXPECT_EQ(tree.stats, alone.stats);
+        EXPECT_TRUE(SameBytes(tree.wide.nodes, alone.wide.nodes));
+        EXPECT_TRUE(SameBytes(tree.wide.blocks, alone.wide.blocks));
         std::visit(
             [&](const auto& a) {
               using Structure = std::decay_t<decltype(a)>;
-              EXPECT_TRUE(SameBytes(a, std::get<Structure>(alone.structure)));
+              EXPECT_TRUE(SameBytes(a, std::get<Structure>(*alone.Binary(mesh).value())));
             },
-            tree.structure);
+            *tree.Binary(mesh).value());
       });
     }
   }
@@ -151,10 +155,9 @@ TEST(BuildTree, CountsWhatIsThere) {
           EXPECT_EQ(stats.max_depth, recount.max_depth);
           EXPECT_EQ(stats.leaf_histogram, recount.leaf_histogram);
           EXPECT_EQ(stats.nodes, interior + recount.leaves);
-          EXPECT_EQ(stats.bytes, structure.bytes());
           EXPECT_NEAR(stats.sah_cost, cost / root.bounds.SurfaceArea(), 1e-9 * stats.sah_cost);
         },
-        tree.structure);
+        *tree.Binary(mesh).value());
     EXPECT_EQ(stats.bytes, tree.bytes());
     EXPECT_GT(stats.intersection_cost, 0);
     EXPECT_GT(stats.traversal_cost, 0);

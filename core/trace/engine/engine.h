@@ -1,0 +1,62 @@
+// The engines: ways to take many rays through a wide tree at once. Each only culls; what a triangle
+// answers comes from the one leaf test of the precision, bit for bit, be it computed lane by lane
+// or by a Judge.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "core/base/cancel.h"
+#include "core/geometry/hit.h"
+#include "core/geometry/ray.h"
+#include "core/geometry/triangle_mesh.h"
+#include "core/trace/engine/judge.h"
+#include "core/trace/engine/kind.h"
+#include "core/trace/engine/simd_level.h"
+#include "core/trace/precision.h"
+#include "core/wide/wide_tree.h"
+
+namespace kdray::core {
+
+/// What a stretch of rays is traced against, and where its answers go.
+struct EngineJob {
+  const WideTree* tree = nullptr;
+  const TriangleMesh* mesh = nullptr;
+  const Judge* judge = nullptr;
+  Precision precision = Precision::kWatertight;
+  SimdLevel simd = SimdLevel::kBaseline;
+  Engine engine = Engine::kWave;
+  bool sort = false;      ///< bring rays that are alike together first
+  bool prefetch = false;  ///< for trees that the second-level cache does not hold
+
+  RayBatch rays = std::span<const Ray>();
+  /// Of the rows to trace, in the order in which they are traced; null: rows first, first + 1, ….
+  const std::uint32_t* rows = nullptr;
+
+  // One of the two, by row.
+  Hit* hits = nullptr;
+  std::uint8_t* occluded = nullptr;
+
+  /// Looked at once in 64 rays; what was not traced by then keeps no answer. May be null.
+  const CancelToken* cancel = nullptr;
+  std::atomic<bool>* stopped = nullptr;  ///< set then, and looked at; null without cancel
+
+  bool ShouldStop() const {
+    if (cancel == nullptr) return false;
+    if (stopped->load(std::memory_order_relaxed)) return true;
+    if (!cancel->ShouldStop()) return false;
+    stopped->store(true, std::memory_order_relaxed);
+    return true;
+  }
+};
+
+/// Traces entries [first, last) of job.rows. Every engine gives the same answers.
+using EngineFunction = void (*)(const EngineJob& job, std::size_t first, std::size_t last);
+
+/// Safe from many threads at once. The level must be supported.
+EngineFunction FindEngine(SimdLevel level, Engine engine, Precision precision, bool double_vertices,
+                          bool any);
+
+}  // namespace kdray::core

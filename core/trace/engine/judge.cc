@@ -1,0 +1,90 @@
+#include "core/trace/engine/judge.h"
+
+#include <new>
+#include <type_traits>
+
+#include "core/geometry/local_ray.h"
+#include "core/trace/exact_test.h"
+#include "core/trace/leaf_test.h"
+#include "core/trace/query.h"
+
+namespace kdray::core {
+
+namespace {
+
+template <class LeafTest, class Stored>
+class JudgeOf final : public Judge {
+ public:
+  explicit JudgeOf(const TriangleMesh& mesh)
+      : corners_(mesh.vertices<Stored>(), mesh.triangles()) {}
+
+  void Begin(const LocalRay& ray, JudgeSpace* space) const override {
+    static_assert(sizeof(Search) <= sizeof(JudgeSpace) && std::is_trivially_destructible_v<Search>);
+    new (space->bytes) Search(ray);
+  }
+  bool Offer(PrimitiveId id, JudgeSpace* space) const override {
+    Search& search = *std::launder(reinterpret_cast<Search*>(space->bytes));
+    return search.closest.Offer(search.test, id, corners_);
+  }
+  double Limit(const JudgeSpace& space) const override { return SearchIn(space).closest.limit; }
+  Hit Finish(const JudgeSpace& space) const override {
+    const Search& search = SearchIn(space);
+    return search.closest.Finish(search.test);
+  }
+  Hit Closest(const LocalRay& ray, const WideTree& tree) const override {
+    const LeafTest test(ray);
+    ClosestSearch<LeafTest> closest;
+    tree.Traverse(ray, test.pad(), [&](std::span<const PrimitiveId> ids) {
+      for (const PrimitiveId id : ids) closest.Offer(test, id, corners_);
+      return closest.limit;
+    });
+    return closest.Finish(test);
+  }
+  bool Test(const LocalRay& ray, PrimitiveId id, LeafHit* hit) const override {
+    const auto [a, b, c] = corners_(id);
+    typename LeafTest::Hit found;
+    if (!LeafTest(ray).Test(a, b, c, &found)) return false;
+    *hit = {found.s, found.u, found.v};
+    return true;
+  }
+
+ private:
+  struct Search {
+    explicit Search(const LocalRay& ray) : given(*ray.given), local(ray), test(local) {
+      local.given = &given;
+    }
+    Ray given;
+    LocalRay local;
+    LeafTest test;
+    ClosestSearch<LeafTest> closest;
+  };
+  static const Search& SearchIn(const JudgeSpace& space) {
+    return *std::launder(reinterpret_cast<const Search*>(space.bytes));
+  }
+
+  Corners<typename LeafTest::Number, Stored> corners_;
+};
+
+template <class Stored>
+std::unique_ptr<const Judge> MakeFor(const TriangleMesh& mesh, Precision precision) {
+  switch (precision) {
+    case Precision::kFast:
+      return std::make_unique<JudgeOf<FastTest, Stored>>(mesh);
+    case Precision::kWatertight:
+      return std::make_unique<JudgeOf<WatertightTest<float>, Stored>>(mesh);
+    case Precision::kDouble:
+      return std::make_unique<JudgeOf<WatertightTest<double>, Stored>>(mesh);
+    case Precision::kExact:
+      return std::make_unique<JudgeOf<ExactTest, Stored>>(mesh);
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+std::unique_ptr<const Judge> MakeJudge(const TriangleMesh& mesh, Precision precision) {
+  return mesh.has_double_vertices() ? MakeFor<double>(mesh, precision)
+                                    : MakeFor<float>(mesh, precision);
+}
+
+}  // namespace kdray::core
