@@ -21,8 +21,13 @@ void ChooseEngines(const TraceOptions& options, EngineJob* job) {
   const bool shuffled = IsShuffled(job->rays, job->mesh->bounds());
   job->sort = options.sort.value_or(shuffled && job->rays.size() >= kWorthSorting &&
                                     job->tree->bytes() > kThirdLevelCache);
-  // The frustum hands to the wave whatever is no packet, and finds that out soon.
-  job->engine = options.engine.value_or(any && !shuffled ? Engine::kHybrid : Engine::kFrustum);
+  job->alike = !shuffled && !options.engine;
+  // The frustum hands on whatever is no packet, and finds that out soon; it knows closest
+  // hits in these precisions only.
+  const Engine otherwise = shuffled ? Engine::kWave : Engine::kHybrid;
+  const bool frustum =
+      !any && (job->precision == Precision::kFast || job->precision == Precision::kWatertight);
+  job->engine = options.engine.value_or(frustum ? Engine::kFrustum : otherwise);
 }
 
 void TraceBlock(const EngineJob& job, std::size_t first, std::size_t last) {

@@ -28,6 +28,7 @@ struct EngineJob {
   Precision precision = Precision::kWatertight;
   SimdLevel simd = SimdLevel::kBaseline;
   Engine engine = Engine::kWave;
+  bool alike = false;     ///< neighbours resemble each other: what is no frustum goes by the hybrid
   bool sort = false;      ///< bring rays that are alike together first
   bool prefetch = false;  ///< for trees that the second-level cache does not hold
 

@@ -1,0 +1,451 @@
+// Rays a second beside Embree: kdray's engines and ten modes of Embree (quality MEDIUM and HIGH;
+// single rays, packets of 16 and streams, coherent and incoherent), without and with ROBUST, taken
+// in turn in one process on the same rays.
+//
+// Options: --mesh NAME (may be repeated), --runs N, --side PIXELS, --threads N, --csv FILE,
+// --engines (also each engine alone, to see what the choice costs), --quick (Embree's MEDIUM only).
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <ctime>
+#include <limits>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "core/base/parallel.h"
+#include "core/scene/scene.h"
+#include "core/trace/trace.h"
+#include "tests/bench/scenes.h"
+
+namespace kdray::bench {
+namespace {
+
+using core::Hit;
+using core::Precision;
+using core::RayF;
+
+struct Options {
+  std::vector<std::string> meshes;
+  int runs = 7;
+  int side = 512;
+  int threads = 1;
+  std::string csv;
+  bool engines = false;
+  bool quick = false;
+};
+
+// With one thread, the time that it had the processor: what other programs take in between does not
+// count, for neither side. With more, the time on the wall.
+class Stopwatch {
+ public:
+  explicit Stopwatch(int threads)
+      : clock_(threads == 1 ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC), start_(Now()) {}
+  double seconds() const { return Now() - start_; }
+
+ private:
+  double Now() const {
+    timespec t;
+    clock_gettime(clock_, &t);
+    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+  }
+  clockid_t clock_;
+  double start_;
+};
+
+constexpr std::size_t kBlock = 4096;  // rays that a thread takes at a time, for both sides
+constexpr double kMiss = std::numeric_limits<double>::infinity();
+
+enum class Way { kSingle, kPacket, kStream };
+
+// One way to ask Embree. Rays are laid out beforehand as it likes them; every run starts from a
+// fresh copy.
+class EmbreeMode {
+ public:
+  EmbreeMode(std::string name, const EmbreeScene& scene, Way way, bool coherent)
+      : name_(std::move(name)), scene_(scene.scene()), way_(way), coherent_(coherent) {}
+
+  const std::string& name() const { return name_; }
+
+  void Prepare(const BenchRays& batch) {
+    size_ = batch.rays.size();
+    any_ = batch.any;
+    streams_.resize(size_);
+    for (std::size_t i = 0; i < size_; ++i) {
+      const RayF& r = batch.rays[i];
+      RTCRayHit& q = streams_[i];
+      q.ray = {r.origin.x,
+               r.origin.y,
+               r.origin.z,
+               r.t_min,
+               r.direction.x,
+               r.direction.y,
+               r.direction.z,
+               0,
+               r.t_max,
+               0xffffffffu,
+               static_cast<unsigned>(i),
+               0};
+      q.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+      q.hit.primID = RTC_INVALID_GEOMETRY_ID;
+      q.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    }
+    if (way_ == Way::kPacket) {
+      packets_.assign((size_ + 15) / 16, RTCRayHit16{});
+      for (std::size_t i = 0; i < size_; ++i) {
+        RTCRayHit16& p = packets_[i / 16];
+        const std::size_t k = i % 16;
+        const RTCRay& r = streams_[i].ray;
+        p.ray.org_x[k] = r.org_x;
+        p.ray.org_y[k] = r.org_y;
+        p.ray.org_z[k] = r.org_z;
+        p.ray.tnear[k] = r.tnear;
+        p.ray.dir_x[k] = r.dir_x;
+        p.ray.dir_y[k] = r.dir_y;
+        p.ray.dir_z[k] = r.dir_z;
+        p.ray.tfar[k] = r.tfar;
+        p.ray.mask[k] = r.mask;
+        p.ray.id[k] = r.id;
+        p.hit.geomID[k] = RTC_INVALID_GEOMETRY_ID;
+        p.hit.primID[k] = RTC_INVALID_GEOMETRY_ID;
+        p.hit.instID[0][k] = RTC_INVALID_GEOMETRY_ID;
+      }
+    }
+  }
+
+  // Seconds for the whole batch.
+  double Run(int threads) {
+    work_streams_ = streams_;
+    work_packets_ = packets_;
+    if (any_ && way_ != Way::kPacket) {
+      occlusion_.resize(size_);
+      for (std::size_t i = 0; i < size_; ++i) occlusion_[i] = streams_[i].ray;
+    }
+    const Stopwatch watch(threads);
+    core::ParallelFor(0, size_, kBlock, [&](std::size_t first, std::size_t last) {
+      const FlushDenormals flush;
+      RTCIntersectContext context;
+      rtcInitIntersectContext(&context);
+      context.flags =
+          coherent_ ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+      switch (way_) {
+        case Way::kSingle:
+          for (std::size_t i = first; i < last; ++i) {
+            if (any_) {
+              rtcOccluded1(scene_, &context, &occlusion_[i]);
+            } else {
+              rtcIntersect1(scene_, &context, &work_streams_[i]);
+            }
+          }
+          break;
+        case Way::kPacket:
+          for (std::size_t i = first; i < last; i += 16) {
+            alignas(64) int valid[16];
+            for (std::size_t k = 0; k < 16; ++k) valid[k] = i + k < last ? -1 : 0;
+            if (any_) {
+              rtcOccluded16(valid, scene_, &context, &work_packets_[i / 16].ray);
+            } else {
+              rtcIntersect16(valid, scene_, &context, &work_packets_[i / 16]);
+            }
+          }
+          break;
+        case Way::kStream:
+          if (any_) {
+            rtcOccluded1M(scene_, &context, &occlusion_[first], static_cast<unsigned>(last - first),
+                          sizeof(RTCRay));
+          } else {
+            rtcIntersect1M(scene_, &context, &work_streams_[first],
+                           static_cast<unsigned>(last - first), sizeof(RTCRayHit));
+          }
+          break;
+      }
+    });
+    return watch.seconds();
+  }
+
+  // The distance of a single-ray mode's last run; infinite for a miss, 0 where only "any" was
+  // asked.
+  double Distance(std::size_t i) const {
+    if (any_) return occlusion_[i].tfar < 0 ? 0 : kMiss;
+    return work_streams_[i].hit.geomID == RTC_INVALID_GEOMETRY_ID
+               ? kMiss
+               : static_cast<double>(work_streams_[i].ray.tfar);
+  }
+  void Release() {
+    for (auto* v : {&streams_, &work_streams_}) *v = {};
+    for (auto* v : {&packets_, &work_packets_}) *v = {};
+    occlusion_ = {};
+  }
+
+ private:
+  template <class T>
+  struct Aligned {
+    using value_type = T;
+    Aligned() = default;
+    template <class U>
+    Aligned(const Aligned<U>&) {}  // NOLINT(google-explicit-constructor)
+    T* allocate(std::size_t n) {
+      return static_cast<T*>(::operator new (n * sizeof(T), std::align_val_t{64}));
+    }
+    void deallocate(T* p, std::size_t) { ::operator delete (p, std::align_val_t{64}); }
+    friend bool operator==(const Aligned&, const Aligned&) { return true; }
+  };
+
+  std::string name_;
+  RTCScene scene_;
+  Way way_;
+  bool coherent_;
+  bool any_ = false;
+  std::size_t size_ = 0;
+  std::vector<RTCRayHit, Aligned<RTCRayHit>> streams_, work_streams_;
+  std::vector<RTCRayHit16, Aligned<RTCRayHit16>> packets_, work_packets_;
+  std::vector<RTCRay, Aligned<RTCRay>> occlusion_;
+};
+
+class KdrayMode {
+ public:
+  KdrayMode(std::string name, const core::Scene& scene, core::TraceOptions options)
+      : name_(std::move(name)), scene_(scene), options_(options) {}
+
+  const std::string& name() const { return name_; }
+  double Run(const BenchRays& batch, int threads) {
+    hits_.resize(batch.any ? 0 : batch.rays.size());
+    occluded_.resize(batch.any ? batch.rays.size() : 0);
+    const std::span<const RayF> rays(batch.rays);
+    const Stopwatch watch(threads);
+    const core::Status status = batch.any ? core::TraceAny(scene_, rays, options_, occluded_)
+                                          : core::TraceClosest(scene_, rays, options_, hits_);
+    const double seconds = watch.seconds();
+    if (!status.ok()) std::exit(1);
+    return seconds;
+  }
+  double Distance(std::size_t i) const {
+    if (hits_.empty()) return occluded_[i] != 0 ? 0 : kMiss;
+    return hits_[i].IsHit() ? hits_[i].t : kMiss;
+  }
+
+ private:
+  std::string name_;
+  const core::Scene& scene_;
+  core::TraceOptions options_;
+  std::vector<Hit> hits_;
+  std::vector<std::uint8_t> occluded_;
+};
+
+struct Mismatches {
+  std::size_t hit_or_miss = 0, distance = 0;
+};
+Mismatches Compare(const KdrayMode& ours, const EmbreeMode& robust, std::size_t size) {
+  Mismatches found;
+  for (std::size_t i = 0; i < size; ++i) {
+    const double a = ours.Distance(i);
+    const double b = robust.Distance(i);
+    if (std::isinf(a) != std::isinf(b)) {
+      ++found.hit_or_miss;
+    } else if (!std::isinf(a) && std::fabs(a - b) > 1e-3 * std::fabs(b)) {
+      ++found.distance;
+    }
+  }
+  return found;
+}
+
+class Report {
+ public:
+  explicit Report(const Options& options) {
+    if (options.csv.empty()) return;
+    csv_ = std::fopen(options.csv.c_str(), "w");
+    if (csv_ == nullptr) {
+      std::fprintf(stderr, "cannot write %s\n", options.csv.c_str());
+      std::exit(2);
+    }
+    std::fprintf(csv_, "mesh,class,threads,mode,mrays_median,mrays_low,mrays_high,miss,distance\n");
+  }
+  ~Report() {
+    if (csv_ != nullptr) std::fclose(csv_);
+  }
+  Report(const Report&) = delete;
+  Report& operator=(const Report&) = delete;
+  void Row(const std::string& mesh, const std::string& rays, int threads, const std::string& mode,
+           const Spread& s, const Mismatches* mismatches) {
+    if (csv_ == nullptr) return;
+    std::fprintf(csv_, "%s,\"%s\",%d,%s,%.3f,%.3f,%.3f,", mesh.c_str(), rays.c_str(), threads,
+                 mode.c_str(), s.median, s.low, s.high);
+    if (mismatches != nullptr) {
+      std::fprintf(csv_, "%zu,%zu\n", mismatches->hit_or_miss, mismatches->distance);
+    } else {
+      std::fprintf(csv_, ",\n");
+    }
+    std::fflush(csv_);
+  }
+
+ private:
+  std::FILE* csv_ = nullptr;
+};
+
+void RunMesh(const std::string& name, const Options& options, Report* report) {
+  std::fprintf(stderr, "%s: loading\n", name.c_str());
+  const BenchMesh bench = LoadBenchMesh(name);
+  const auto mesh =
+      std::make_shared<const core::TriangleMesh>(core::TriangleMesh::Create(bench.data).value());
+  const auto tree =
+      std::make_shared<const core::Tree>(core::BuildTree(*mesh, core::BuildKind::kKdSah).value());
+  const core::Scene scene{mesh, tree};
+  const std::vector<BenchRays> classes = MakeRayClasses(*mesh, bench.data, options.side);
+
+  std::fprintf(stderr, "%s: building for Embree\n", name.c_str());
+  std::vector<std::unique_ptr<EmbreeScene>> scenes;
+  std::vector<EmbreeMode> embree;
+  std::size_t judge = 0;  // the mode that mismatches are counted against
+  std::size_t first_robust = 0;
+  for (const bool robust : {false, true}) {
+    if (robust) first_robust = embree.size();
+    for (const auto quality : {RTC_BUILD_QUALITY_MEDIUM, RTC_BUILD_QUALITY_HIGH}) {
+      if (options.quick && quality == RTC_BUILD_QUALITY_HIGH) continue;
+      scenes.push_back(std::make_unique<EmbreeScene>(bench.data, quality, robust, options.threads));
+      const std::string prefix = std::string(robust ? "robust " : "") +
+                                 (quality == RTC_BUILD_QUALITY_MEDIUM ? "medium " : "high ");
+      if (robust && quality == RTC_BUILD_QUALITY_MEDIUM) judge = embree.size();
+      embree.emplace_back(prefix + "single", *scenes.back(), Way::kSingle, false);
+      for (const bool coherent : {true, false}) {
+        const std::string how = coherent ? "coherent" : "incoherent";
+        embree.emplace_back(prefix + "packet " + how, *scenes.back(), Way::kPacket, coherent);
+        embree.emplace_back(prefix + "stream " + how, *scenes.back(), Way::kStream, coherent);
+      }
+    }
+  }
+  std::vector<KdrayMode> ours;
+  for (const Precision precision : core::kAllPrecisions) {
+    ours.emplace_back("kdray " + std::string(core::Name(precision)), scene,
+                      core::TraceOptions{precision, {}});
+  }
+  if (options.engines) {
+    for (const core::Engine engine : core::kAllEngines) {
+      for (const bool sort : {false, true}) {
+        core::TraceOptions forced{Precision::kFast, {}};
+        forced.engine = engine;
+        forced.sort = sort;
+        ours.emplace_back("kdray fast " + std::string(core::Name(engine)) + (sort ? " sorted" : ""),
+                          scene, forced);
+      }
+    }
+  }
+
+  std::printf("\n### %s: %zu triangles, %d thread%s\n\n", name.c_str(), mesh->triangle_count(),
+              options.threads, options.threads == 1 ? "" : "s");
+  std::printf(
+      "kd-sah: %.1f bytes a triangle (nodes and leaf blocks); Embree MEDIUM: %.1f.\n\n",
+      static_cast<double>(tree->bytes()) / static_cast<double>(mesh->triangle_count()),
+      static_cast<double>(scenes.front()->bytes()) / static_cast<double>(mesh->triangle_count()));
+  std::printf(
+      "| rays | best Embree | Mrays/s | fast | ratio | best Embree ROBUST | Mrays/s | watertight | "
+      "ratio | double | exact | mismatches a million: fast, watertight, double, exact |\n"
+      "|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+  for (const BenchRays& batch : classes) {
+    const double millions = static_cast<double>(batch.rays.size()) * 1e-6;
+    std::vector<std::vector<double>> embree_speed(embree.size()), our_speed(ours.size());
+    for (EmbreeMode& mode : embree) mode.Prepare(batch);
+    for (int run = 0; run < options.runs; ++run) {
+      // The two sides in turn, so that a disturbance meets both.
+      for (std::size_t m = 0; m < std::max(embree.size(), ours.size()); ++m) {
+        if (m < ours.size()) our_speed[m].push_back(millions / ours[m].Run(batch, options.threads));
+        if (m < embree.size()) embree_speed[m].push_back(millions / embree[m].Run(options.threads));
+      }
+    }
+    std::vector<Spread> embree_spread, our_spread;
+    for (auto& speeds : embree_speed) embree_spread.push_back(SpreadOf(std::move(speeds)));
+    for (auto& speeds : our_speed) our_spread.push_back(SpreadOf(std::move(speeds)));
+    std::vector<Mismatches> mismatches;
+    for (const KdrayMode& mode : ours) {
+      mismatches.push_back(Compare(mode, embree[judge], batch.rays.size()));
+    }
+    const auto best = [&](std::size_t first, std::size_t last) {
+      std::size_t found = first;
+      for (std::size_t m = first; m < last; ++m) {
+        if (embree_spread[m].median > embree_spread[found].median) found = m;
+      }
+      return found;
+    };
+    const std::size_t plain = best(0, first_robust);
+    const std::size_t robust = best(first_robust, embree.size());
+    std::printf("| %s | %s | %.1f | %.1f | **%.2f** | %s | %.1f | %.1f | **%.2f** | %.1f | %.1f |",
+                batch.name.c_str(), embree[plain].name().c_str(), embree_spread[plain].median,
+                our_spread[0].median, our_spread[0].median / embree_spread[plain].median,
+                embree[robust].name().c_str(), embree_spread[robust].median, our_spread[1].median,
+                our_spread[1].median / embree_spread[robust].median, our_spread[2].median,
+                our_spread[3].median);
+    for (std::size_t m = 0; m < core::kAllPrecisions.size(); ++m) {
+      std::printf("%s %.0f + %.0f", m == 0 ? "" : ",",
+                  static_cast<double>(mismatches[m].hit_or_miss) / millions,
+                  static_cast<double>(mismatches[m].distance) / millions);
+    }
+    std::printf(" |\n");
+    for (std::size_t m = core::kAllPrecisions.size(); m < ours.size(); ++m) {
+      std::fprintf(stderr, "  %-24s %-28s %.1f\n", batch.name.c_str(), ours[m].name().c_str(),
+                   our_spread[m].median);
+    }
+    std::fflush(stdout);
+    for (std::size_t m = 0; m < ours.size(); ++m) {
+      report->Row(name, batch.name, options.threads, ours[m].name(), our_spread[m], &mismatches[m]);
+    }
+    for (std::size_t m = 0; m < embree.size(); ++m) {
+      report->Row(name, batch.name, options.threads, "embree " + embree[m].name(), embree_spread[m],
+                  nullptr);
+      embree[m].Release();
+    }
+  }
+}
+
+int Main(int argc, char** argv) {
+  Options options;
+  for (int i = 1; i < argc; ++i) {
+    const std::string name = argv[i];
+    const auto value = [&] {
+      if (i + 1 == argc) {
+        std::fprintf(stderr, "%s needs a value\n", name.c_str());
+        std::exit(2);
+      }
+      return std::string(argv[++i]);
+    };
+    if (name == "--mesh") {
+      options.meshes.push_back(value());
+    } else if (name == "--runs") {
+      options.runs = std::atoi(value().c_str());
+    } else if (name == "--side") {
+      options.side = std::atoi(value().c_str()) / 8 * 8;
+    } else if (name == "--threads") {
+      options.threads = std::atoi(value().c_str());
+    } else if (name == "--csv") {
+      options.csv = value();
+    } else if (name == "--engines") {
+      options.engines = true;
+    } else if (name == "--quick") {
+      options.quick = true;
+    } else {
+      std::fprintf(stderr, "no such option: %s\n", name.c_str());
+      return 2;
+    }
+  }
+  if (options.runs < 1 || options.side < 8 || options.threads < 1) {
+    std::fprintf(stderr, "--runs and --threads are at least 1, --side at least 8\n");
+    return 2;
+  }
+  if (options.meshes.empty()) {
+    options.meshes = {"bunny_69k", "igea_268k", "classroom_111k", "scan_1m", "scan_4m"};
+  }
+  std::printf("%s; %d runs, medians; %dx%d pixels; SIMD %s\n", MachineLine().c_str(), options.runs,
+              options.side, options.side, std::string(Name(core::BestSimdLevel())).c_str());
+  Report report(options);
+  core::Arena arena(options.threads);
+  for (const std::string& mesh : options.meshes) {
+    arena.Run([&] { RunMesh(mesh, options, &report); });
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace kdray::bench
+
+int main(int argc, char** argv) { return kdray::bench::Main(argc, argv); }
