@@ -48,6 +48,16 @@ class RayBatch {
     return Ray{Vec3d(r.origin), static_cast<double>(r.t_min), Vec3d(r.direction),
                static_cast<double>(r.t_max)};
   }
+  /// The first of the rays, null when they are of the other kind.
+  const Ray* doubles() const {
+    const auto* rays = std::get_if<std::span<const Ray>>(&rays_);
+    return rays != nullptr ? rays->data() : nullptr;
+  }
+  const RayF* floats() const {
+    const auto* rays = std::get_if<std::span<const RayF>>(&rays_);
+    return rays != nullptr ? rays->data() : nullptr;
+  }
+
   /// Asks for the memory of a ray that is needed soon.
   void Prefetch(std::size_t i) const {
     std::visit([&](const auto& rays) { __builtin_prefetch(&rays[i]); }, rays_);
