@@ -1,93 +1,55 @@
 #include "core/kdtree/binned_split.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
-#include <cstdint>
 #include <limits>
 
-#include "core/base/float4.h"
+#include "core/geometry/power_of_two.h"
 
 namespace kdray::core {
 
 namespace {
 
-constexpr int kBins = 32;
+// 2^ExponentOf(x) <= x < 2 * that, for normal floats; for smaller ones the former does not hold.
+int ExponentOf(float x) { return static_cast<int>(std::bit_cast<std::uint32_t>(x) >> 23) - 127; }
 
-// The planes of all axes, one axis a lane: plane k of an axis lies at (first + k) / scale. With a
-// power of two for a scale, products are exact, so that floor and ceiling tell exactly which planes
-// lie below a coordinate and which above.
-class PlaneGrid {
- public:
-  explicit PlaneGrid(const Bounds3f& bounds) {
-    for (int axis = 0; axis < 3; ++axis) {
-      const float low = bounds.min[axis];
-      const float high = bounds.max[axis];
-      int exponent = 0;  // of the distance between planes
-      if (low < high) {
-        // 16 < width / 2^exponent <= 32, unless planes would then lie between neighbouring floats.
-        std::frexp(static_cast<double>(high) - static_cast<double>(low), &exponent);
-        int coordinate_exponent;
-        std::frexp(std::max(std::fabs(low), std::fabs(high)), &coordinate_exponent);
-        exponent = std::max({exponent - 5, coordinate_exponent - 24, kMinExponent});
-      }
-      scale_[axis] = std::ldexp(1.0f, -exponent);
-      spacing_[axis] = std::ldexp(1.0f, exponent);
-      first_[axis] = static_cast<std::int32_t>(std::floor(low * scale_[axis]));
+}  // namespace
+
+PlaneGrid::PlaneGrid(const Bounds3f& bounds) {
+  constexpr int kMinExponent = -126;
+  for (int axis = 0; axis < 3; ++axis) {
+    const float low = bounds.min[axis];
+    const float high = bounds.max[axis];
+    // 16 <= width / 2^exponent < 32, unless planes would then lie between neighbouring floats.
+    const int exponent =
+        std::max({ExponentOf(high - low) - 4,
+                  ExponentOf(std::max(std::fabs(low), std::fabs(high))) - 23, kMinExponent});
+    scale_[axis] = static_cast<float>(PowerOfTwo(-exponent));
+    spacing_[axis] = static_cast<float>(PowerOfTwo(exponent));
+    first_[axis] = static_cast<std::int32_t>(std::floor(low * scale_[axis]));
+  }
+}
+
+void BinnedCounts::Counts::Add(const Counts& other) {
+  for (std::size_t k = 0; k < begin.size(); ++k) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      begin[k][axis] += other.begin[k][axis];
+      end[k][axis] += other.end[k][axis];
+      planar[k][axis] += other.planar[k][axis];
     }
   }
+  any_planar |= other.any_planar;
+}
 
-  /// For coordinates within the bounds, 0 to kBins: how many planes, from plane 0 on, do not lie
-  /// above it, less one...
-  Int4 Floor(Float4 coordinates) const {
-    const Float4 scaled = coordinates * scale_;
-    const Int4 truncated = Truncate4(scaled);
-    return truncated - first_ + (ToFloat4(truncated) > scaled);  // a comparison gives -1 for true
-  }
-  /// ... and how many lie below it, less one.
-  Int4 CeilingLessOne(Float4 coordinates) const {
-    const Float4 scaled = coordinates * scale_;
-    const Int4 truncated = Truncate4(scaled);
-    return truncated - first_ - 1 - (ToFloat4(truncated) < scaled);
-  }
-
-  Float4 Position(int k) const { return ToFloat4(first_ + k) * spacing_; }
-
- private:
-  static constexpr int kMinExponent = -126;
-
-  Float4 scale_ = Fill4(0);
-  Float4 spacing_ = Fill4(0);
-  Int4 first_ = {};
-};
-
-// References by the planes that they begin and end at; a lane is an axis.
-struct Counts {
-  // [k + 1]: how many begin in bin k, between planes k and k + 1, or end there; ends in a plane
-  // count for the bin that they are the end of.
-  using Bins = std::array<std::array<std::uint32_t, 4>, kBins + 2>;
-  Bins begin{}, end{};
-  Bins planar{};  // [k + 1]: lie in plane k
-  bool any_planar = false;
-
-  void Add(const Counts& other) {
-    for (std::size_t k = 0; k < begin.size(); ++k) {
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        begin[k][axis] += other.begin[k][axis];
-        end[k][axis] += other.end[k][axis];
-        planar[k][axis] += other.planar[k][axis];
-      }
-    }
-    any_planar |= other.any_planar;
-  }
-};
-
-Counts Count(std::span<const Reference> references, const PlaneGrid& grid) {
+BinnedCounts::Counts BinnedCounts::Count(std::span<const Reference> references,
+                                         const PlaneGrid& grid) {
   Counts counts;
   for (const Reference& reference : references) {
+    // A number that is taken for a float is denormal, and the processor slow on it.
+    const Int4 end_lanes = std::bit_cast<Int4>(HighOf(reference)) & Int4{-1, -1, -1, 0};
     const Int4 begin = grid.Floor(LowOf(reference));
-    const Int4 end = grid.CeilingLessOne(HighOf(reference));
+    const Int4 end = grid.CeilingLessOne(std::bit_cast<Float4>(end_lanes));
     const Int4 planar = begin > end;
     for (int axis = 0; axis < 3; ++axis) {
       ++counts.begin[static_cast<std::size_t>(begin[axis] + 1)][static_cast<std::size_t>(axis)];
@@ -104,25 +66,26 @@ Counts Count(std::span<const Reference> references, const PlaneGrid& grid) {
   return counts;
 }
 
-// The cheapest plane of each axis, as far as floats can tell.
-struct BestPlanes {
-  std::array<int, 3> plane = {-1, -1, -1};  // -1: there is none
-  std::array<std::uint32_t, 3> below, above;
-};
+BinnedCounts::BinnedCounts(std::span<const Reference> references, const Bounds3f& bounds)
+    : grid_(bounds),
+      bounds_(bounds),
+      triangles_(references.size()),
+      counts_(ReduceReferences<Counts>(
+          references, [this](std::span<const Reference> chunk) { return Count(chunk, grid_); })) {}
 
-BestPlanes FindBestPlanes(const Counts& counts, const PlaneGrid& grid, std::size_t triangles,
-                          const Bounds3f& bounds, const Bounds3f& cell) {
+BinnedCounts::BestPlanes BinnedCounts::FindBestPlanes(const std::array<SplitSearch::Axis, 3>& axes,
+                                                      const Bounds3f& cell) const {
   Float4 base = Fill4(0), slope = Fill4(0), low = Fill4(0), high = Fill4(0);
   Float4 first = Fill4(0), last = Fill4(0);  // planes lie between them
   for (int axis = 0; axis < 3; ++axis) {
-    const SplitProbability probability(cell, axis);
+    const SplitProbability& probability = axes[static_cast<std::size_t>(axis)].probability();
     if (!probability.IsValid()) continue;
     base[axis] = static_cast<float>(probability.base());
     slope[axis] = static_cast<float>(probability.slope());
     low[axis] = cell.min[axis];
     high[axis] = cell.max[axis];
-    first[axis] = bounds.min[axis];
-    last[axis] = bounds.max[axis];
+    first[axis] = bounds_.min[axis];
+    last[axis] = bounds_.max[axis];
   }
   const auto load = [](const std::array<std::uint32_t, 4>& v) { return std::bit_cast<Int4>(v); };
   const auto blocks = [](Int4 n) {  // SahCost::Subtree, unit: a block
@@ -133,11 +96,11 @@ BestPlanes FindBestPlanes(const Counts& counts, const PlaneGrid& grid, std::size
 
   Float4 best_cost = Fill4(std::numeric_limits<float>::infinity());
   Int4 best_plane = Int4{} - 1, best_below = {}, best_above = {};
-  Int4 below = load(counts.begin[0]);
-  Int4 above = static_cast<std::int32_t>(triangles) - load(counts.end[0]);
-  for (int k = 0; k <= kBins; ++k) {
+  Int4 below = load(counts_.begin[0]);
+  Int4 above = static_cast<std::int32_t>(triangles_) - load(counts_.end[0]);
+  for (int k = 0; k <= PlaneGrid::kBins; ++k) {
     const std::size_t bin = static_cast<std::size_t>(k) + 1;
-    const Float4 position = grid.Position(k);
+    const Float4 position = grid_.Position(k);
     const Float4 probability_below = base + slope * (position - low);
     const Float4 probability_above = base + slope * (high - position);
     const auto consider = [&](Int4 b, Int4 a) {
@@ -148,15 +111,15 @@ BestPlanes FindBestPlanes(const Counts& counts, const PlaneGrid& grid, std::size
       best_below = better ? below : best_below;
       best_above = better ? above : best_above;
     };
-    if (counts.any_planar) {
-      const Int4 planar = load(counts.planar[bin]);
+    if (counts_.any_planar) {
+      const Int4 planar = load(counts_.planar[bin]);
       consider(below + planar, above);
       consider(below, above + planar);
     } else {
       consider(below, above);
     }
-    below += load(counts.begin[bin]);
-    above -= load(counts.end[bin]);
+    below += load(counts_.begin[bin]);
+    above -= load(counts_.end[bin]);
   }
 
   BestPlanes best;
@@ -168,28 +131,22 @@ BestPlanes FindBestPlanes(const Counts& counts, const PlaneGrid& grid, std::size
   return best;
 }
 
-}  // namespace
-
-std::optional<SplitCandidate> FindBinnedSplit(std::span<const Reference> references,
-                                              const Bounds3f& bounds, const Bounds3f& cell,
-                                              const SahCost& cost) {
-  if (bounds.IsEmpty()) return std::nullopt;
-  const PlaneGrid grid(bounds);
-  const Counts counts = ReduceReferences<Counts>(
-      references, [&](std::span<const Reference> chunk) { return Count(chunk, grid); });
-  const BestPlanes best = FindBestPlanes(counts, grid, references.size(), bounds, cell);
-
-  SplitSearch search(cost, cell, references.size());
+std::optional<SplitCandidate> BinnedCounts::FindSplit(const Bounds3f& cell,
+                                                      const SahCost& cost) const {
+  if (bounds_.IsEmpty()) return std::nullopt;
+  SplitSearch search(cost, cell, triangles_);
+  std::array<SplitSearch::Axis, 3> axes = {
+      SplitSearch::Axis(&search, 0), SplitSearch::Axis(&search, 1), SplitSearch::Axis(&search, 2)};
+  const BestPlanes best = FindBestPlanes(axes, cell);
   for (int axis = 0; axis < 3; ++axis) {
     const std::size_t a = static_cast<std::size_t>(axis);
-    SplitSearch::Axis candidates(&search, axis);
-    candidates.ConsiderEmptyBelow(bounds.min[axis]);
+    axes[a].ConsiderEmptyBelow(bounds_.min[axis]);
     if (best.plane[a] >= 0) {
-      candidates.Consider(grid.Position(best.plane[a])[axis], best.below[a],
-                          counts.planar[static_cast<std::size_t>(best.plane[a]) + 1][a],
-                          best.above[a]);
+      const std::size_t bin = static_cast<std::size_t>(best.plane[a]) + 1;
+      axes[a].Consider(grid_.Position(best.plane[a])[axis], best.below[a], counts_.planar[bin][a],
+                       best.above[a]);
     }
-    candidates.ConsiderEmptyAbove(bounds.max[axis]);
+    axes[a].ConsiderEmptyAbove(bounds_.max[axis]);
   }
   return search.best();
 }

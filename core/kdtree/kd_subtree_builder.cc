@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "core/kdtree/binned_split.h"
-
 namespace kdray::core {
 
 namespace {
@@ -24,14 +22,15 @@ KdPiece KdSubtreeBuilder::Build(std::span<const Reference> references, const KdB
 }
 
 std::optional<SplitCandidate> KdSubtreeBuilder::FindSplit(std::span<const Reference> references,
-                                                          const Bounds3f& bounds,
-                                                          const KdBuildTask& task) {
+                                                          const KdBuildTask& task,
+                                                          NodeFacts* facts) {
   if (task.depth >= context_.max_depth) return std::nullopt;
   switch (context_.rule) {
     case KdSplitRule::kSah:
     case KdSplitRule::kBinned:
       if (references.size() <= SahCost::kBlock) return std::nullopt;
-      return FindBinnedSplit(references, bounds, task.cell, context_.cost);
+      if (!facts->counts) facts->counts.emplace(references, facts->bounds);
+      return facts->counts->FindSplit(task.cell, context_.cost);
     case KdSplitRule::kCyclic:
       return note_.FindCyclic(references, task.cell, task.depth);
     case KdSplitRule::kMedian:
@@ -42,22 +41,43 @@ std::optional<SplitCandidate> KdSubtreeBuilder::FindSplit(std::span<const Refere
 }
 
 void KdSubtreeBuilder::BuildNode(std::size_t count, const KdBuildTask& task) {
-  const std::size_t begin = stack_size_ - count;
-  const std::span<Reference> references = std::span(stack_).subspan(begin, count);
-
+  const std::span<Reference> references = std::span(stack_).subspan(stack_size_ - count, count);
   if (context_.rule == KdSplitRule::kSah && count <= KdBuildLimits::kSweepReferences) {
     sweep_.Build(references, task, &piece_);
+    stack_size_ -= count;
+    return;
+  }
+  NodeFacts facts{UnionBounds(references), {}};
+  BuildNode(count, task, &facts);
+}
+
+void KdSubtreeBuilder::BuildNode(std::size_t count, const KdBuildTask& task, NodeFacts* facts) {
+  const std::size_t begin = stack_size_ - count;
+  const std::span<Reference> references = std::span(stack_).subspan(begin, count);
+  const bool stop = count >= kPollReferences && context_.monitor.ShouldStop();
+  const std::optional<SplitCandidate> split =
+      stop ? std::nullopt : FindSplit(references, task, facts);
+  if (!split || !task.budget.Allows(split->below, split->above)) {
+    EmitLeaf(references, facts->bounds, task);
     stack_size_ = begin;
     return;
   }
 
-  const bool stop = count >= kPollReferences && context_.monitor.ShouldStop();
-  const Bounds3f bounds = UnionBounds(references);
-  const std::optional<SplitCandidate> split =
-      stop ? std::nullopt : FindSplit(references, bounds, task);
-  if (!split || !task.budget.Allows(split->below, split->above)) {
-    EmitLeaf(references, bounds, task);
-    stack_size_ = begin;
+  if (split->below == 0 || split->above == 0) {
+    const auto [below, above] = task.Divide(split->plane, split->below, split->above);
+    const std::size_t interior = piece_.BeginInterior();
+    if (split->below == 0) {
+      EmitLeaf({}, Bounds3f::Empty(), below);
+    } else {
+      BuildNode(count, below, facts);
+    }
+    piece_.EndBelow(interior, split->plane);
+    if (split->above == 0) {
+      EmitLeaf({}, Bounds3f::Empty(), above);
+    } else {
+      BuildNode(count, above, facts);
+    }
+    piece_.EndInterior(interior);
     return;
   }
 

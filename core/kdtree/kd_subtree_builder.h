@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "core/kdtree/binned_split.h"
 #include "core/kdtree/kd_build_task.h"
 #include "core/kdtree/kd_piece.h"
 #include "core/kdtree/note_split.h"
@@ -23,14 +24,21 @@ class KdSubtreeBuilder {
 
   KdPiece Build(std::span<const Reference> references, const KdBuildTask& task);
 
-  /// Where the rule cuts a node with these references, `bounds` being the union of theirs; nothing
-  /// when it should be a leaf. The budget is the caller's to check.
+  /// What is known of a node's references; it holds as well after empty space was cut off the cell.
+  struct NodeFacts {
+    Bounds3f bounds;                     ///< the union of theirs
+    std::optional<BinnedCounts> counts;  ///< made when it is first needed
+  };
+
+  /// Where the rule cuts a node with these references; nothing when it should be a leaf. The budget
+  /// is the caller's to check.
   std::optional<SplitCandidate> FindSplit(std::span<const Reference> references,
-                                          const Bounds3f& bounds, const KdBuildTask& task);
+                                          const KdBuildTask& task, NodeFacts* facts);
 
  private:
   // The node's references are the uppermost `count` on the stack; they are gone afterwards.
   void BuildNode(std::size_t count, const KdBuildTask& task);
+  void BuildNode(std::size_t count, const KdBuildTask& task, NodeFacts* facts);
   void EmitLeaf(std::span<const Reference> references, const Bounds3f& bounds,
                 const KdBuildTask& task);
 

@@ -48,17 +48,26 @@ class KdTreeBuilder {
       node->piece = KdSubtreeBuilder(context_).Build(references, task);
       return;
     }
+    KdSubtreeBuilder::NodeFacts facts{UnionBounds(references), {}};
+    BuildTop(std::move(references), task, &facts, node);
+  }
+
+  void BuildTop(std::vector<Reference> references, const KdBuildTask& task,
+                KdSubtreeBuilder::NodeFacts* facts, KdUpperNode* node) {
     std::optional<SplitCandidate> split;
-    const Bounds3f bounds = UnionBounds(references);
     if (!monitor_.ShouldStop()) {
-      split = KdSubtreeBuilder(context_).FindSplit(references, bounds, task);
+      split = KdSubtreeBuilder(context_).FindSplit(references, task, facts);
     }
     if (!split || !task.budget.AllowsAtTop(split->below, split->above)) {
       for (const Reference& reference : references) {
         node->piece.primitives.push_back(reference.id);
       }
-      node->piece.EndLeaf(references.size(), bounds);
+      node->piece.EndLeaf(references.size(), facts->bounds);
       monitor_.AddDone(task.share);
+      return;
+    }
+    if (split->below == 0 || split->above == 0) {
+      CutOffEmptySpace(std::move(references), task, facts, *split, node);
       return;
     }
     std::vector<Reference> below, above;
@@ -71,6 +80,21 @@ class KdTreeBuilder {
     node->above = std::make_unique<KdUpperNode>();
     ParallelInvoke([&, t = below_task] { BuildTop(std::move(below), t, node->below.get()); },
                    [&, t = above_task] { BuildTop(std::move(above), t, node->above.get()); });
+  }
+
+  void CutOffEmptySpace(std::vector<Reference> references, const KdBuildTask& task,
+                        KdSubtreeBuilder::NodeFacts* facts, const SplitCandidate& split,
+                        KdUpperNode* node) {
+    const auto [below, above] = task.Divide(split.plane, split.below, split.above);
+    node->plane = split.plane;
+    node->below = std::make_unique<KdUpperNode>();
+    node->above = std::make_unique<KdUpperNode>();
+    const bool is_below = split.above == 0;
+    KdUpperNode* const empty = is_below ? node->above.get() : node->below.get();
+    empty->piece.EndLeaf(0, Bounds3f::Empty());
+    monitor_.AddDone(is_below ? above.share : below.share);
+    BuildTop(std::move(references), is_below ? below : above, facts,
+             is_below ? node->below.get() : node->above.get());
   }
 
   BuildMonitor monitor_;

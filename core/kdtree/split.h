@@ -86,6 +86,8 @@ class SplitSearch {
       high_ = search->cell_.max[axis];
     }
 
+    const SplitProbability& probability() const { return probability_; }
+
     /// A plane with so many triangles reaching below it, in it, and reaching above it; those that
     /// cross it count twice. Planes that are not strictly inside the cell are passed over.
     void Consider(float position, std::size_t below, std::size_t planar, std::size_t above) {
@@ -94,11 +96,6 @@ class SplitSearch {
       if (planar != 0) Offer(position, below, above + planar, false);
     }
 
-    /// The same, for planes that are strictly inside the cell, with those in the plane counted on
-    /// the side that they are to go to.
-    void ConsiderInside(float position, std::size_t below, std::size_t above, bool planar_below) {
-      Offer(position, below, above, planar_below);
-    }
     /// Inside the cell is what lies between; nothing does where the cell has no surface.
     bool IsAboveCellsLowEnd(float position) const { return position > low_; }
     bool IsBelowCellsHighEnd(float position) const { return position < high_; }

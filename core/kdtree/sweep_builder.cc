@@ -50,13 +50,32 @@ void SweepBuilder::BuildNode(std::size_t triangles, const Counts& events, const 
   if (triangles > SahCost::kBlock && task.depth < context_.max_depth) {
     SplitSearch search(context_.cost, task.cell, triangles);
     for (int axis = 0; axis < 3; ++axis) {
-      SweepAxis(TopEvents(axis, events), axis, triangles, &search);
+      SweepAxis(TopEvents(axis, events), axis, triangles, costs_, &search);
     }
     split = search.best();
   }
   if (!split || !task.budget.Allows(split->below, split->above)) {
     EmitLeaf(triangles, events, task);
     for (std::size_t a = 0; a < 3; ++a) events_[a].resize(events_[a].size() - events[a]);
+    return;
+  }
+
+  // The references stay as they are when empty space is cut off.
+  if (split->below == 0 || split->above == 0) {
+    const auto [below, above] = task.Divide(split->plane, split->below, split->above);
+    const std::size_t interior = piece_->BeginInterior();
+    if (split->below == 0) {
+      EmitLeaf(0, {}, below);
+    } else {
+      BuildNode(triangles, events, below);
+    }
+    piece_->EndBelow(interior, split->plane);
+    if (split->above == 0) {
+      EmitLeaf(0, {}, above);
+    } else {
+      BuildNode(triangles, events, above);
+    }
+    piece_->EndInterior(interior);
     return;
   }
 

@@ -22,9 +22,10 @@ namespace kdray::core {
 /// and Havran 2006, section 4.3.
 class SweepBuilder {
  public:
-  explicit SweepBuilder(const KdBuildContext& context) : context_(context) {}
+  explicit SweepBuilder(const KdBuildContext& context)
+      : context_(context), costs_(SubtreeCosts(context.cost, KdBuildLimits::kSweepReferences)) {}
 
-  /// Appends the subtree to *piece.
+  /// Appends the subtree to *piece; at most KdBuildLimits::kSweepReferences references.
   void Build(std::span<const Reference> references, const KdBuildTask& task, KdPiece* piece);
 
  private:
@@ -42,6 +43,7 @@ class SweepBuilder {
   std::pair<Counts, Counts> DivideEvents(const Counts& events);
 
   const KdBuildContext& context_;
+  const std::vector<double> costs_;
   KdPiece* piece_ = nullptr;
 
   // A reference keeps its slot on the way down. A cut one leaves it to its below part; the above

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "core/kdtree/split.h"
 
@@ -59,9 +60,12 @@ inline std::size_t MakeEvents(float low, float high, std::uint32_t slot, SplitEv
   return 2;
 }
 
-/// Shows `search` the cuts at all events of one axis. The events are sorted and belong to
-/// `triangles` references. O(events).
+/// SahCost::Subtree for 0 to `most` triangles. A table, since a sweep asks for each event.
+std::vector<double> SubtreeCosts(const SahCost& cost, std::size_t most);
+
+/// Shows `search` the best of the cuts at all events of one axis. The events are sorted and belong
+/// to `triangles` references; `costs` reaches so far. O(events).
 void SweepAxis(std::span<const SplitEvent> events, int axis, std::size_t triangles,
-               SplitSearch* search);
+               std::span<const double> costs, SplitSearch* search);
 
 }  // namespace kdray::core
