@@ -249,7 +249,7 @@ class BvhBuilder {
 
   const SahCost& cost_;
   BuildMonitor monitor_;
-  std::vector<Reference> references_;
+  ReferenceArray references_;
 };
 
 }  // namespace

@@ -24,7 +24,7 @@ class KdTreeBuilder {
       : monitor_(options), context_{mesh, rule, cost, 0, monitor_} {}
 
   Result<KdTree> Build() {
-    std::vector<Reference> references = MakeReferences(context_.mesh);
+    ReferenceArray references = MakeReferences(context_.mesh);
     const std::size_t triangles = references.size();
     context_.max_depth = KdBuildLimits::MaxDepth(triangles);
 
@@ -43,7 +43,7 @@ class KdTreeBuilder {
   }
 
  private:
-  void BuildTop(std::vector<Reference> references, const KdBuildTask& task, KdUpperNode* node) {
+  void BuildTop(ReferenceArray references, const KdBuildTask& task, KdUpperNode* node) {
     if (references.size() <= KdBuildLimits::kTopReferences) {
       node->piece = KdSubtreeBuilder(context_).Build(references, task);
       return;
@@ -52,7 +52,7 @@ class KdTreeBuilder {
     BuildTop(std::move(references), task, &facts, node);
   }
 
-  void BuildTop(std::vector<Reference> references, const KdBuildTask& task,
+  void BuildTop(ReferenceArray references, const KdBuildTask& task,
                 KdSubtreeBuilder::NodeFacts* facts, KdUpperNode* node) {
     std::optional<SplitCandidate> split;
     if (!monitor_.ShouldStop()) {
@@ -70,9 +70,9 @@ class KdTreeBuilder {
       CutOffEmptySpace(std::move(references), task, facts, *split, node);
       return;
     }
-    std::vector<Reference> below, above;
+    ReferenceArray below, above;
     DistributeInParallel(context_.mesh, references, task.cell, *split, &below, &above);
-    std::vector<Reference>().swap(references);
+    references = {};
 
     const auto [below_task, above_task] = task.Divide(split->plane, below.size(), above.size());
     node->plane = split->plane;
@@ -82,7 +82,7 @@ class KdTreeBuilder {
                    [&, t = above_task] { BuildTop(std::move(above), t, node->above.get()); });
   }
 
-  void CutOffEmptySpace(std::vector<Reference> references, const KdBuildTask& task,
+  void CutOffEmptySpace(ReferenceArray references, const KdBuildTask& task,
                         KdSubtreeBuilder::NodeFacts* facts, const SplitCandidate& split,
                         KdUpperNode* node) {
     const auto [below, above] = task.Divide(split.plane, split.below, split.above);

@@ -59,52 +59,69 @@ SideCounts Distribute(const TriangleMesh& mesh, std::span<const Reference> refer
   return counts;
 }
 
+namespace {
+
+// Where a chunk of the work puts its references, and how many of those places it does not need,
+// since clipping left nothing.
+struct Places {
+  std::size_t first = 0;
+  std::size_t count = 0;
+  std::size_t used = 0;
+};
+
+// Moves references from the end into the places that are not used. What is moved depends on the
+// chunks alone, and there are few of them.
+std::size_t CloseGaps(std::span<const Places> chunks, Reference* references) {
+  std::size_t total = 0;
+  for (const Places& places : chunks) total += places.used;
+  auto source = chunks.rbegin();  // of what lies behind `total`
+  std::size_t left = 0;           // in that chunk
+  if (!chunks.empty()) left = source->used;
+  for (const Places& places : chunks) {
+    for (std::size_t gap = places.first + places.used; gap < places.first + places.count; ++gap) {
+      if (gap >= total) return total;
+      while (left == 0) left = (++source)->used;
+      references[gap] = references[source->first + --left];
+    }
+  }
+  return total;
+}
+
+}  // namespace
+
 void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> references,
-                          const Bounds3f& cell, const SplitCandidate& split,
-                          std::vector<Reference>* below, std::vector<Reference>* above) {
-  // Each chunk gets room for all that CountSides promises; the gaps that clipping leaves are closed
+                          const Bounds3f& cell, const SplitCandidate& split, ReferenceArray* below,
+                          ReferenceArray* above) {
+  // Each chunk gets the places that CountSides() promises; the gaps that clipping leaves are closed
   // at the end.
   const std::size_t chunks = ReferenceChunks(references.size());
-  std::vector<SideCounts> room(chunks);
+  std::vector<Places> below_places(chunks), above_places(chunks);
   ForEachReferenceChunk(references, [&](std::span<const Reference> chunk, std::size_t c) {
-    room[c] = CountSides(chunk, split);
+    const SideCounts counts = CountSides(chunk, split);
+    below_places[c].count = counts.below;
+    above_places[c].count = counts.above;
   });
-
-  std::vector<SideCounts> start(chunks);
-  SideCounts total;
-  for (std::size_t c = 0; c < chunks; ++c) {
-    start[c] = total;
-    total.below += room[c].below;
-    total.above += room[c].above;
+  for (std::size_t c = 1; c < chunks; ++c) {
+    below_places[c].first = below_places[c - 1].first + below_places[c - 1].count;
+    above_places[c].first = above_places[c - 1].first + above_places[c - 1].count;
   }
-  below->resize(total.below);
-  above->resize(total.above);
+  *below = ReferenceArray(below_places.back().first + below_places.back().count);
+  *above = ReferenceArray(above_places.back().first + above_places.back().count);
 
-  std::vector<SideCounts> used(chunks);
   ForEachReferenceChunk(references, [&](std::span<const Reference> chunk, std::size_t c) {
     // Distribute() writes beyond what it keeps.
-    std::vector<Reference> scratch(3 * chunk.size());
+    ReferenceArray scratch(3 * chunk.size());
     Reference* const chunk_below = scratch.data();
     Reference* const chunk_above = chunk_below + chunk.size();
-    used[c] =
+    const SideCounts used =
         Distribute(mesh, chunk, cell, split, chunk_below, chunk_above, chunk_above + chunk.size());
-    std::copy_n(chunk_below, used[c].below, below->data() + start[c].below);
-    std::copy_n(chunk_above, used[c].above, above->data() + start[c].above);
+    std::copy_n(chunk_below, used.below, below->data() + below_places[c].first);
+    std::copy_n(chunk_above, used.above, above->data() + above_places[c].first);
+    below_places[c].used = used.below;
+    above_places[c].used = used.above;
   });
-
-  SideCounts kept;
-  for (std::size_t c = 0; c < chunks; ++c) {
-    const auto close_gap = [](std::vector<Reference>* v, std::size_t from, std::size_t count,
-                              std::size_t to) {
-      if (from != to) std::copy_n(v->data() + from, count, v->data() + to);
-    };
-    close_gap(below, start[c].below, used[c].below, kept.below);
-    close_gap(above, start[c].above, used[c].above, kept.above);
-    kept.below += used[c].below;
-    kept.above += used[c].above;
-  }
-  below->resize(kept.below);
-  above->resize(kept.above);
+  below->Shorten(CloseGaps(below_places, below->data()));
+  above->Shorten(CloseGaps(above_places, above->data()));
 }
 
 }  // namespace kdray::core

@@ -48,9 +48,10 @@ SideCounts Distribute(const TriangleMesh& mesh, std::span<const Reference> refer
                       const Bounds3f& cell, const SplitCandidate& split, Reference* below,
                       Reference* above, Reference* cut);
 
-/// The same for large nodes: in parallel, into vectors of its own.
+/// The same for large nodes: in parallel, into arrays of its own, in an order that depends on the
+/// references alone.
 void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> references,
-                          const Bounds3f& cell, const SplitCandidate& split,
-                          std::vector<Reference>* below, std::vector<Reference>* above);
+                          const Bounds3f& cell, const SplitCandidate& split, ReferenceArray* below,
+                          ReferenceArray* above);
 
 }  // namespace kdray::core

@@ -133,14 +133,16 @@ std::uint64_t EstimateBuildBytes(std::size_t triangle_count, BuildKind kind) {
   // In a large node at most 3/8 of the weight are references; they are there twice while they are
   // handed to the children. kd-cyclic sorts four lists of floats.
   constexpr std::uint64_t kLarge = kWeight * 3 / 8 * (2 * sizeof(Reference) + 4 * sizeof(float));
-  // KdSubtreeBuilder: its stack, with the children's references on top, and the piece it makes.
+  // KdSubtreeBuilder: its stack, and the piece it makes; the references of one node on their way to
+  // its children.
   constexpr std::uint64_t kSubtree =
-      3 * (kWeight * (sizeof(Reference) + kFinished) + 2 * sizeof(Reference));
+      3 * kWeight * (sizeof(Reference) + kFinished) + 2 * 2 * sizeof(Reference);
   // SweepBuilder: slots, sides and six events; events of one node kept, and made anew.
   constexpr std::uint64_t kSweep =
       3 * (kWeight * (sizeof(Reference) + 1 + 6 * sizeof(SplitEvent)) + 16 * sizeof(SplitEvent));
-  const std::uint64_t scratch =
-      serial * kSubtree + std::min(n, threads * KdBuildLimits::kSweepReferences) * kSweep;
+  const std::uint64_t scratch = serial * kSubtree +
+                                std::min(n, threads * KdBuildLimits::kSweepReferences) * kSweep +
+                                std::min(n, threads * kReferenceChunk) * 3 * sizeof(Reference);
   const std::uint64_t splitting = n * std::max(kLarge, kWeight * kFinished) + scratch;
   // Then the scratch is gone and the pieces are put together.
   const std::uint64_t assembling = n * 2 * kWeight * kFinished;

@@ -4,19 +4,37 @@
 
 namespace kdray::core {
 
-std::vector<Reference> MakeReferences(const TriangleMesh& mesh) {
-  std::vector<Reference> references(mesh.triangle_count());
-  ParallelFor(0, references.size(), kReferenceChunk, [&](std::size_t first, std::size_t last) {
-    for (std::size_t i = first; i < last; ++i) {
-      const PrimitiveId id = static_cast<PrimitiveId>(i);
-      if (mesh.IsDegenerate(id)) continue;
-      Bounds3d bounds = Bounds3d::Empty();
-      for (int corner = 0; corner < 3; ++corner) bounds.Extend(mesh.LocalCorner(id, corner));
-      references[i] = {RoundOutward(bounds), id};
-    }
+namespace {
+
+Bounds3f BoundsOf(std::span<const Vec3f> vertices, const TriangleIndices& corners) {
+  Bounds3f bounds = Bounds3f::Empty();
+  for (const std::uint32_t corner : corners) bounds.Extend(vertices[corner]);
+  return bounds;
+}
+Bounds3f BoundsOf(std::span<const Vec3d> vertices, const TriangleIndices& corners) {
+  Bounds3d bounds = Bounds3d::Empty();
+  for (const std::uint32_t corner : corners) bounds.Extend(vertices[corner]);
+  return RoundOutward(bounds);
+}
+
+}  // namespace
+
+ReferenceArray MakeReferences(const TriangleMesh& mesh) {
+  ReferenceArray references(mesh.triangle_count());
+  mesh.VisitVertices([&](auto vertices) {
+    ParallelFor(0, references.size(), kReferenceChunk, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) {
+        const PrimitiveId id = static_cast<PrimitiveId>(i);
+        references.data()[i] = mesh.IsDegenerate(id)
+                                   ? Reference{Bounds3f::Empty(), kNoPrimitive}
+                                   : Reference{BoundsOf(vertices, mesh.triangles()[i]), id};
+      }
+    });
   });
   if (mesh.degenerate_count() != 0) {
-    std::erase_if(references, [](const Reference& r) { return r.id == kNoPrimitive; });
+    const Reference* const end = std::remove_if(references.begin(), references.end(),
+                                                [](const auto& r) { return r.id == kNoPrimitive; });
+    references.Shorten(static_cast<std::size_t>(end - references.begin()));
   }
   return references;
 }

@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <memory>
+#include <new>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "core/base/float4.h"
@@ -34,9 +37,38 @@ inline void StoreReference(Float4 low, Float4 high, Reference* to) {
   std::memcpy(static_cast<void*>(reinterpret_cast<char*>(to) + 12), &high, sizeof high);
 }
 
+/// Room for references that are written before they are read: unlike a vector it does not fill them
+/// first, on one thread, which for large nodes takes as long as the work itself.
+class ReferenceArray {
+ public:
+  ReferenceArray() = default;
+  explicit ReferenceArray(std::size_t size)
+      : references_(static_cast<Reference*>(::operator new(size * sizeof(Reference)))),
+        size_(size) {}
+
+  Reference* data() { return references_.get(); }
+  const Reference* data() const { return references_.get(); }
+  std::size_t size() const { return size_; }
+  bool empty() const { return size_ == 0; }
+  Reference* begin() { return data(); }
+  Reference* end() { return data() + size_; }
+  const Reference* begin() const { return data(); }
+  const Reference* end() const { return data() + size_; }
+  void Shorten(std::size_t size) { size_ = size; }
+
+ private:
+  struct Free {
+    void operator()(Reference* references) const { ::operator delete(references); }
+  };
+  static_assert(std::is_trivially_copyable_v<Reference>);
+
+  std::unique_ptr<Reference, Free> references_;
+  std::size_t size_ = 0;
+};
+
 /// References of all triangles that are not degenerate, by ascending id; local coordinates, rounded
 /// outward.
-std::vector<Reference> MakeReferences(const TriangleMesh& mesh);
+ReferenceArray MakeReferences(const TriangleMesh& mesh);
 
 /// The union of their bounds. Large spans are searched in parallel.
 Bounds3f UnionBounds(std::span<const Reference> references);

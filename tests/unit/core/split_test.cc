@@ -51,6 +51,11 @@ std::vector<Reference> GridReferences(std::mt19937_64& engine, std::size_t count
   return references;
 }
 
+std::vector<Reference> References(const TriangleMesh& mesh) {
+  const core::ReferenceArray references = core::MakeReferences(mesh);
+  return {references.begin(), references.end()};
+}
+
 struct Counted {
   std::size_t below = 0, planar = 0, above = 0;
 };
@@ -230,7 +235,7 @@ TEST(BinnedSplit, CutsOffEmptySpaceExactly) {
 
 TEST(BinnedSplit, IsTheSameForEveryNumberOfThreads) {
   const TriangleMesh mesh = TriangleMesh::Create(Soup(60'000, 0.02, 3)).value();
-  const std::vector<Reference> references = core::MakeReferences(mesh);
+  const std::vector<Reference> references = References(mesh);
   const Bounds3f cell = core::UnionBounds(references);
   const auto alone = BinnedCounts(references, cell).FindSplit(cell, SahCost{});
   ASSERT_TRUE(alone);
@@ -260,7 +265,7 @@ TEST(CyclicSplit, FindsWhatTheNotesAlgorithm1Finds) {
   for (const auto& data : {Soup(200, 0.2, 4), UvSphere({0, 0, 0}, 1, 8, 12),
                            Join(Grid(5, 0, 0.5), Grid(5, 2, 0.25))}) {
     const TriangleMesh mesh = TriangleMesh::Create(data).value();
-    const std::vector<Reference> references = core::MakeReferences(mesh);
+    const std::vector<Reference> references = References(mesh);
     const Bounds3f cell = core::UnionBounds(references);
     core::NoteSplitFinder finder(mesh, cost);
     for (int depth = 0; depth < 6; ++depth) {
@@ -274,7 +279,7 @@ TEST(CyclicSplit, FindsWhatTheNotesAlgorithm1Finds) {
 
 TEST(CyclicSplit, TakesTheNextAxisWhereNoPlaneBeatsTheLeaf) {
   const TriangleMesh mesh = TriangleMesh::Create(Grid(8, 2, 0.5)).value();
-  const std::vector<Reference> references = core::MakeReferences(mesh);
+  const std::vector<Reference> references = References(mesh);
   const SahCost cost;
   core::NoteSplitFinder finder(mesh, cost);
   const auto split = finder.FindCyclic(references, core::UnionBounds(references), 2);
@@ -284,7 +289,7 @@ TEST(CyclicSplit, TakesTheNextAxisWhereNoPlaneBeatsTheLeaf) {
 
 TEST(MedianSplit, HalvesTrianglesThatAreApart) {
   const TriangleMesh mesh = TriangleMesh::Create(Staircase(64)).value();
-  const std::vector<Reference> references = core::MakeReferences(mesh);
+  const std::vector<Reference> references = References(mesh);
   const SahCost cost;
   core::NoteSplitFinder finder(mesh, cost);
   for (int depth = 0; depth < 6; ++depth) {
@@ -298,7 +303,7 @@ TEST(MedianSplit, HalvesTrianglesThatAreApart) {
 
 TEST(MedianSplit, FindsNothingWhenEveryPlaneKeepsEverythingTogether) {
   const TriangleMesh mesh = TriangleMesh::Create(Coincident(50)).value();
-  const std::vector<Reference> references = core::MakeReferences(mesh);
+  const std::vector<Reference> references = References(mesh);
   const SahCost cost;
   core::NoteSplitFinder finder(mesh, cost);
   EXPECT_FALSE(finder.FindMedian(references, core::UnionBounds(references), 0));
@@ -320,9 +325,9 @@ TEST(SideOf, SendsTrianglesThatEndInThePlaneToOneSide) {
 
 TEST(Distribute, GivesTheSameInParallelAndDropsPartsThatAreEmpty) {
   const TriangleMesh mesh = TriangleMesh::Create(Soup(30'000, 0.3, 5)).value();
-  const Bounds3f whole = core::UnionBounds(core::MakeReferences(mesh));
+  const Bounds3f whole = core::UnionBounds(References(mesh));
   // Bounds that reach beyond the cell's part of many triangles, so that some parts are empty.
-  const std::vector<Reference> references = core::MakeReferences(mesh);
+  const std::vector<Reference> references = References(mesh);
   const core::SplitPlane plane{1, whole.min.y * 0.5f + whole.max.y * 0.5f};
   SplitCandidate split;
   split.plane = plane;
@@ -342,8 +347,10 @@ TEST(Distribute, GivesTheSameInParallelAndDropsPartsThatAreEmpty) {
 
   core::Arena arena(4);
   arena.Run([&] {
-    std::vector<Reference> parallel_below, parallel_above;
-    DistributeInParallel(mesh, references, cell, split, &parallel_below, &parallel_above);
+    core::ReferenceArray array_below, array_above;
+    DistributeInParallel(mesh, references, cell, split, &array_below, &array_above);
+    std::vector<Reference> parallel_below(array_below.begin(), array_below.end());
+    std::vector<Reference> parallel_above(array_above.begin(), array_above.end());
     // In another order, since each piece of the work puts those that are cut last.
     for (std::vector<Reference>* v : {&below, &above, &parallel_below, &parallel_above}) {
       std::ranges::sort(*v, {}, &Reference::id);
