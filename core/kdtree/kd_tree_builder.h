@@ -31,7 +31,7 @@ struct KdBuildLimits {
   static constexpr std::uint64_t kLeafWeight = 4;
   /// A node with no more references is built by one thread. Part of the result, like the others:
   /// the budget's rule is stricter above (WeightBudget::AllowsAtTop).
-  static constexpr std::size_t kTopReferences = 16384;
+  static constexpr std::size_t kTopReferences = 8192;
   /// From here on kd-sah tries every plane that can be best; larger nodes have so many triangles
   /// that bins do as well (DESIGN.md has the figures).
   static constexpr std::size_t kSweepReferences = 256;
