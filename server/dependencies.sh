@@ -3,7 +3,7 @@
 #   server/dependencies.sh GROUP...          install what is missing; silent and offline when nothing is
 #   server/dependencies.sh --list GROUP...   print the names, one a line
 # Groups: build (compile the daemon and the command), test (build and run the tests as well), run (start the
-# compiled programs: the second stage of the Dockerfile), lint (tests/lint).
+# compiled programs: the second stage of the Dockerfile), lint (tests/lint), bench (tests/bench).
 set -euo pipefail
 
 packages_of() {
@@ -42,13 +42,17 @@ libgmpxx4ldbl
 libssl3
 libtbb12
 END
+    bench) cat <<'END' ;;
+libembree-dev
+python3-matplotlib
+END
     lint) cat <<'END' ;;
 clang-format
 clang-tidy
 shellcheck
 END
     *)
-      echo "server/dependencies.sh: no group '$1'; there are build, test, run and lint" >&2
+      echo "server/dependencies.sh: no group '$1'; there are build, test, run, lint and bench" >&2
       return 2
       ;;
   esac
