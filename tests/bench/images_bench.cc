@@ -1,0 +1,143 @@
+// Error of pictures over time, for each precision: against a reference of many samples in `exact`.
+// Writes CSV to standard output. tests/bench/images runs it.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <iostream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "core/base/parallel.h"
+#include "core/render/renderer.h"
+#include "core/scene/prepared_mesh.h"
+#include "tests/support/flip.h"
+#include "tests/support/mesh_files.h"
+
+namespace kdray::bench {
+namespace {
+
+constexpr int kReferenceSamples = 4096;
+constexpr int kMostSamples = 512;
+constexpr int kWidth = 200, kHeight = 150;
+constexpr int kRuns = 5;
+// A picture of more samples than this is timed once: it takes long enough.
+constexpr int kSamplesTimedOften = 64;
+
+core::Scene LoadScene(const std::string& name) {
+  const auto folder = test::MeshFolder();
+  if (!folder) {
+    std::cerr << "bench_images: no mesh collection: set KDRAY_MESHES\n";
+    std::exit(1);
+  }
+  core::Result<core::PreparedMesh> prepared =
+      core::PrepareMesh(test::ReadFileBytes(*folder / name), core::CancelToken());
+  if (!prepared.ok()) {
+    std::cerr << "bench_images: " << name << ": " << prepared.error().message << "\n";
+    std::exit(1);
+  }
+  auto mesh = std::make_shared<const core::TriangleMesh>(std::move(prepared->mesh));
+  core::Result<core::Tree> tree = core::BuildTree(*mesh, core::BuildKind::kKdSah);
+  if (!tree.ok()) std::exit(1);
+  return {mesh, std::make_shared<const core::Tree>(*std::move(tree))};
+}
+
+struct Rendered {
+  test::LinearImage image;      ///< over white
+  std::vector<float> coverage;  ///< of each pixel
+  double samples = 0;
+  double seconds = 0;  ///< the middle of some runs
+};
+
+Rendered Render(const core::Scene& scene, core::RenderSpec spec, int runs) {
+  spec.width = kWidth;
+  spec.height = kHeight;
+  spec.background = core::Background{.transparent = true};
+  std::vector<double> seconds;
+  Rendered rendered;
+  for (int run = 0; run < runs; ++run) {
+    const auto start = std::chrono::steady_clock::now();
+    core::Result<core::RenderedImage> image = core::Render(scene, spec);
+    seconds.push_back(
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+    if (!image.ok()) {
+      std::cerr << "bench_images: " << image.error().message << "\n";
+      std::exit(1);
+    }
+    rendered = {{kWidth, kHeight, {}}, {}, image->samples, 0};
+    const auto values = std::get<core::Film<float>>(image->values).values();
+    for (std::size_t i = 0; i < values.size(); i += 4) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        rendered.image.rgb.push_back(std::min(values[i + c] + (1 - values[i + 3]), 1.0f));
+      }
+      rendered.coverage.push_back(values[i + 3]);
+    }
+  }
+  std::nth_element(seconds.begin(), seconds.begin() + runs / 2, seconds.end());
+  rendered.seconds = seconds[static_cast<std::size_t>(runs / 2)];
+  return rendered;
+}
+
+double RootMeanSquare(const test::LinearImage& a, const test::LinearImage& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.rgb.size(); ++i) {
+    const double difference = static_cast<double>(a.rgb[i]) - static_cast<double>(b.rgb[i]);
+    sum += difference * difference;
+  }
+  return std::sqrt(sum / static_cast<double>(a.rgb.size()));
+}
+
+/// Pixels through which the background shows where the mesh covers all of the reference.
+int Cracks(const Rendered& image, const Rendered& reference) {
+  int cracks = 0;
+  for (std::size_t i = 0; i < image.coverage.size(); ++i) {
+    cracks += reference.coverage[i] == 1 && image.coverage[i] < 1 ? 1 : 0;
+  }
+  return cracks;
+}
+
+void Print(const std::string& series, const Rendered& image, const Rendered& reference) {
+  std::printf("%s,%.6g,%.6g,%.6g,%.6g,%d\n", series.c_str(), image.samples, image.seconds,
+              RootMeanSquare(image.image, reference.image),
+              test::MeanFlip(image.image, reference.image), Cracks(image, reference));
+  std::fflush(stdout);
+}
+
+void Run(const std::string& mesh) {
+  const core::Scene scene = LoadScene(mesh);
+  std::cerr << "bench_images: the reference, " << kReferenceSamples << " samples a pixel\n";
+  core::RenderSpec spec;
+  spec.precision = core::Precision::kExact;
+  spec.samples = kReferenceSamples;
+  spec.seed = 1;  // other positions than those of the images
+  const Rendered reference = Render(scene, spec, 1);
+  std::printf("series,samples,seconds,rmse,flip,cracks\n");
+  spec.seed = 2;
+  for (const core::Precision precision : core::kAllPrecisions) {
+    const std::string name(core::Name(precision));
+    std::cerr << "bench_images: " << name << "\n";
+    spec.precision = precision;
+    for (spec.samples = 2; spec.samples <= kMostSamples; spec.samples *= 2) {
+      Print(name, Render(scene, spec, spec.samples <= kSamplesTimedOften ? kRuns : 1), reference);
+    }
+  }
+  std::cerr << "bench_images: max_noise\n";
+  spec.precision = core::Precision::kWatertight;
+  spec.samples = 1;
+  spec.max_samples = 4 * kMostSamples;
+  for (const double noise : {0.1, 0.05, 0.03, 0.02, 0.01, 0.005}) {
+    spec.max_noise = noise;
+    Print("max_noise (watertight)", Render(scene, spec, kRuns), reference);
+  }
+}
+
+}  // namespace
+}  // namespace kdray::bench
+
+int main(int argc, char** argv) {
+  const std::string mesh = argc > 1 ? argv[1] : "stanford_bunny_69k_ascii.ply";
+  kdray::core::Arena arena(static_cast<int>(std::thread::hardware_concurrency()));
+  arena.Run([&] { kdray::bench::Run(mesh); });
+}

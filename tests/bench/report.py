@@ -1,0 +1,225 @@
+"""Turns what the benchmarks found into tables and plots: report.py tradeoff|images CSV COMMAND
+
+Writes the section of that name in tests/bench/README.md, between its two marks, and the plots into docs/.
+"""
+import csv
+import os
+import re
+import subprocess
+import sys
+from collections import defaultdict
+from math import exp, log
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+PRECISIONS = ["fast", "watertight", "double", "exact"]
+BUILDS = ["kd-sah", "kd-binned", "kd-cyclic", "kd-median", "bvh", "box"]
+COLORS = dict(zip(PRECISIONS, ["#d1495b", "#00798c", "#edae49", "#30638e"]))
+BUILD_COLORS = dict(zip(BUILDS, ["#00798c", "#30638e", "#edae49", "#d1495b", "#6a4c93", "#8d99ae"]))
+
+plt.rcParams.update({"font.size": 9, "axes.grid": True, "grid.alpha": 0.3, "svg.hashsalt": "kdray",
+                     "axes.spines.top": False, "axes.spines.right": False})
+
+
+def conditions(command):
+    """What the figures were measured on: machine, command, commit."""
+    with open("/proc/cpuinfo") as file:
+        model = re.search(r"model name\s*:\s*(.*)", file.read())
+    git = subprocess.run(["git", "describe", "--always", "--dirty", "--abbrev=12"], cwd=ROOT,
+                         capture_output=True, text=True)
+    load = os.getloadavg()
+    return (f"`{command}`, at commit {git.stdout.strip() or 'unknown'}; {model[1] if model else 'unknown processor'}, "
+            f"{os.cpu_count()} threads; load average at the end {load[0]:.1f} (one minute), {load[2]:.1f} (fifteen).")
+
+
+def save(figure, name):
+    figure.tight_layout()
+    figure.savefig(os.path.join(ROOT, "docs", name), metadata={"Date": None})
+    plt.close(figure)
+
+
+def write_section(name, text):
+    path = os.path.join(ROOT, "tests", "bench", "README.md")
+    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+    with open(path) as file:
+        old = file.read()
+    if begin not in old:
+        sys.exit(f"report.py: {path} has no place for {name}")
+    head, rest = old.split(begin, 1)
+    tail = rest.split(end, 1)[1]
+    with open(path, "w") as file:
+        file.write(f"{head}{begin}\n{text.strip()}\n{end}{tail}")
+
+
+def table(header, rows):
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
+
+
+def geometric_mean(values):
+    values = list(values)
+    return exp(sum(map(log, values)) / len(values)) if values else float("nan")
+
+
+def rate(count, rays):
+    """A share, or the bound of one that was never seen (95%)."""
+    if rays == 0:
+        return "–"
+    return f"{count / rays:.2g}" if count else f"0 (< {3 / rays:.1g})"
+
+
+# ---- The trade-off ----
+
+
+def tradeoff(rows, command):
+    for row in rows:
+        for key in row:
+            if key not in ("mesh", "build", "precision", "leaks"):
+                row[key] = float(row[key])
+        row["leaks"] = int(row["leaks"]) if row["leaks"] else None
+    sah = [row for row in rows if row["build"] == "kd-sah"]
+
+    by_precision = []
+    for precision in PRECISIONS:
+        mine = [row for row in sah if row["precision"] == precision]
+        closed = [row for row in mine if row["leaks"] is not None]
+        total = lambda key, of=mine: int(sum(row[key] for row in of))  # noqa: E731
+        by_precision.append([
+            precision,
+            f"{geometric_mean(row['random_rays_per_s'] for row in mine) / 1e6:.2f}",
+            f"{geometric_mean(row['aimed_rays_per_s'] for row in mine) / 1e6:.2f}",
+            rate(total("leaks", closed), total("rays", closed)),
+            rate(total("wrong"), total("rays")),
+            rate(total("unconnected"), total("rays")),
+            rate(total("missed"), total("rays")),
+            rate(total("extra"), total("rays")),
+            f"{max(row['t_p999'] for row in mine):.1e}",
+            f"{max(row['t_max'] for row in mine):.1e}",
+        ])
+    by_build = []
+    for build in BUILDS:
+        mine = [row for row in rows if row["build"] == build and row["precision"] == "watertight"]
+        large = [row for row in mine if row["triangles"] >= 10000]
+        by_build.append([
+            build,
+            f"{geometric_mean(row['build_ms'] / row['triangles'] * 1e3 for row in large):.0f}",
+            f"{geometric_mean(row['bytes'] / row['triangles'] for row in large):.0f}",
+            f"{geometric_mean(max(row['random_nodes'], 1e-3) for row in large):.1f}",
+            f"{geometric_mean(max(row['random_triangles'], 1e-3) for row in large):.1f}",
+            f"{geometric_mean(row['random_rays_per_s'] for row in large) / 1e6:.3g}",
+            f"{geometric_mean(row['aimed_rays_per_s'] for row in large) / 1e6:.3g}",
+        ])
+
+    throughput_plot(sah)
+    quality_plot(rows)
+    closed = len({row["mesh"] for row in sah if row["leaks"] is not None})
+    meshes = len({row["mesh"] for row in rows})
+    differences = int(sum(row["differences"] for row in rows))
+    write_section("tradeoff", f"""
+{conditions(command)} {meshes} meshes, {closed} of them closed with a point inside; {len(rows)} rows, each the middle of several runs.
+Answers that differed between builds: {differences}.
+
+Each precision on `kd-sah`, over all meshes. Speed in million rays a second (geometric mean). Shares are of aimed rays; leaks
+of those from inside closed meshes; a zero shows its 95% bound, 3/N. Errors of t are scaled as their bound is (1e-6 for `watertight`, 1e-14 for `double`;
+`GET /docs` has the formula): 99.9% of the rays of every mesh are below the first, all below the second. `exact` is the reference.
+
+{table(['', 'random Mrays/s', 'aimed Mrays/s', 'leaks', 'other triangle', 'not even a neighbour', 'missed', 'extra', 't error 99.9%', 'max'], by_precision)}
+
+![Throughput against leaks and errors of t](../../docs/tradeoff-precision.svg)
+
+Each build in `watertight`, over meshes of 10,000 triangles and more (geometric means).
+
+{table(['', 'build ns a triangle', 'bytes a triangle', 'nodes a ray', 'triangles a ray', 'random Mrays/s', 'aimed Mrays/s'], [[b[0], str(int(float(b[1]) * 1e3)), *b[2:]] for b in by_build])}
+
+![Build seconds against steps and SAH cost, and SAH cost against steps](../../docs/tradeoff-build.svg)
+""")
+
+
+def throughput_plot(rows):
+    figure, (leaks, errors) = plt.subplots(1, 2, figsize=(10, 4))
+    for precision in PRECISIONS:
+        mine = [row for row in rows if row["precision"] == precision]
+        closed = [row for row in mine if row["leaks"] is not None]
+        seen = [row for row in closed if row["leaks"] > 0]
+        unseen = [row for row in closed if row["leaks"] == 0]
+        leaks.scatter([row["aimed_rays_per_s"] / 1e6 for row in seen], [row["leaks"] / row["rays"] for row in seen],
+                      s=14, color=COLORS[precision], label=precision)
+        leaks.scatter([row["aimed_rays_per_s"] / 1e6 for row in unseen], [3 / row["rays"] for row in unseen], s=14,
+                      marker="v", facecolors="none", edgecolors=COLORS[precision],
+                      label=None if seen else f"{precision} (none seen)")
+        if precision != "exact":
+            judged = [row for row in mine if row["t_rays"] > 0]
+            errors.scatter([row["aimed_rays_per_s"] / 1e6 for row in judged],
+                           [max(row["t_p999"], 1e-18) for row in judged], s=14, color=COLORS[precision],
+                           label=precision)
+    for bound, precision in ((1e-6, "watertight"), (1e-14, "double")):
+        errors.axhline(bound, color=COLORS[precision], linestyle="--", linewidth=0.8)
+    leaks.set(xscale="log", yscale="log", xlabel="aimed rays, millions a second",
+              ylabel="leaks of rays from inside (open marks: none, 3/N)", title="Speed against leaks")
+    errors.set(xscale="log", yscale="log", xlabel="aimed rays, millions a second",
+               ylabel="scaled error of t, 99.9% (dashed: promised)", title="Speed against errors of t")
+    for axes in (leaks, errors):
+        axes.legend(fontsize=8)
+    save(figure, "tradeoff-precision.svg")
+
+
+def quality_plot(rows):
+    figure, (steps, cost, predicts) = plt.subplots(1, 3, figsize=(12, 4))
+    for build in BUILDS:
+        mine = [row for row in rows if row["build"] == build and row["precision"] == "watertight"
+                and row["triangles"] >= 1000 and row["random_nodes"] > 0]
+        # The model's price of a triangle: what the builders weigh steps with.
+        work = [row["random_nodes"] + 0.7 * row["random_triangles"] for row in mine]
+        style = {"s": 14, "color": BUILD_COLORS[build], "label": build}
+        steps.scatter([row["build_ms"] / 1e3 for row in mine], work, **style)
+        cost.scatter([row["build_ms"] / 1e3 for row in mine], [row["sah_cost"] for row in mine], **style)
+        predicts.scatter([row["sah_cost"] for row in mine], work, **style)
+    steps.set(xlabel="build seconds", ylabel="measured steps of a random ray", title="What building longer saves")
+    cost.set(xlabel="build seconds", ylabel="SAH cost", title="What the model says it saves")
+    predicts.set(xlabel="SAH cost", ylabel="measured steps of a random ray", title="How well the model predicts")
+    low, high = predicts.get_xlim()
+    predicts.plot([max(low, 1), high], [max(low, 1), high], color="grey", linewidth=0.8)
+    for axes in (steps, cost, predicts):
+        axes.set(xscale="log", yscale="log")
+    predicts.legend(fontsize=8)
+    save(figure, "tradeoff-build.svg")
+
+
+# ---- Images ----
+
+
+def images(rows, command):
+    series = defaultdict(list)
+    for row in rows:
+        series[row["series"]].append({k: v if k == "series" else float(v) for k, v in row.items()})
+    figure, (rmse, flip) = plt.subplots(1, 2, figsize=(10, 4))
+    for name, points in series.items():
+        style = {"color": COLORS.get(name, "black"), "marker": "o", "markersize": 3, "linewidth": 1, "label": name}
+        if name not in COLORS:
+            style["linestyle"] = "--"
+        rmse.plot([p["seconds"] for p in points], [p["rmse"] for p in points], **style)
+        flip.plot([p["seconds"] for p in points], [p["flip"] for p in points], **style)
+    rmse.set(xscale="log", yscale="log", xlabel="seconds", ylabel="RMSE, linear light",
+             title="Error over time against 4096 samples in exact")
+    flip.set(xscale="log", yscale="log", xlabel="seconds", ylabel="mean FLIP", title="As people see it")
+    rmse.legend(fontsize=8)
+    save(figure, "images-error.svg")
+    chosen = [p for points in series.values() for p in points if p["series"] not in COLORS or p["samples"] in (4, 16, 64, 256)]
+    write_section("images", f"""
+{conditions(command)} The bunny at 200 x 150 pixels, shaded, `kd-sah`. A crack is a pixel through which the background shows although the mesh covers all of it.
+
+{table(['', 'samples', 'seconds', 'RMSE', 'mean FLIP', 'cracks'],
+       [[p['series'], f"{p['samples']:.4g}", f"{p['seconds']:.3g}", f"{p['rmse']:.2e}", f"{p['flip']:.2e}", f"{p['cracks']:.0f}"] for p in chosen])}
+
+![Error over time, by precision](../../docs/images-error.svg)
+""")
+
+
+if __name__ == "__main__":
+    what, path, said = sys.argv[1:]
+    with open(path, newline="") as source:
+        {"tradeoff": tradeoff, "images": images}[what](list(csv.DictReader(source)), said)
