@@ -38,6 +38,7 @@ Json RowJson(const TradeoffRow& row) {
           {"leaks", row.leaks ? RateJson(*row.leaks) : Json()},
           {"wrong_triangles", RateJson(row.wrong_triangles)},
           {"unconnected_triangles", RateJson(row.unconnected_triangles)},
+          {"folds", RateJson(row.folds)},
           {"missed_hits", RateJson(row.missed_hits)},
           {"extra_hits", RateJson(row.extra_hits)},
           {"differences", RateJson(row.differences)},

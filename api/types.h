@@ -205,7 +205,7 @@ struct TradeoffRow {
   double sah_cost = 0;
   RayCost random, aimed;
   std::optional<ErrorRate> leaks;  ///< none where the mesh is not closed
-  ErrorRate wrong_triangles, unconnected_triangles, missed_hits, extra_hits, differences;
+  ErrorRate wrong_triangles, unconnected_triangles, folds, missed_hits, extra_hits, differences;
   std::uint64_t t_error_rays = 0;
   double t_error_p999 = 0, t_error_max = 0;  ///< scaled as the bound is
   std::optional<double> t_error_bound;       ///< none is promised for `fast`

@@ -25,6 +25,7 @@ api::TradeoffRow ToRow(const core::MeasuredPair& pair, const core::MeasuredBuild
   if (accuracy.leaks) row.leaks = ToRate(*accuracy.leaks);
   row.wrong_triangles = ToRate(accuracy.wrong_triangles);
   row.unconnected_triangles = ToRate(accuracy.unconnected_triangles);
+  row.folds = ToRate(accuracy.folds);
   row.missed_hits = ToRate(accuracy.missed_hits);
   row.extra_hits = ToRate(accuracy.extra_hits);
   row.differences = ToRate(pair.differences);

@@ -12,7 +12,7 @@ namespace kdray::core {
 namespace {
 
 // Raise the version whenever the layout changes, or what a number means.
-constexpr FileKind kTradeoffFileKind{"kdraytrd", 1};
+constexpr FileKind kTradeoffFileKind{"kdraytrd", 2};
 
 void Put(const ErrorRate& rate, CheckedWriter* writer) {
   writer->Put(rate.count);
@@ -31,6 +31,7 @@ void Put(const Accuracy& accuracy, CheckedWriter* writer) {
   if (accuracy.leaks) Put(*accuracy.leaks, writer);
   Put(accuracy.wrong_triangles, writer);
   Put(accuracy.unconnected_triangles, writer);
+  Put(accuracy.folds, writer);
   Put(accuracy.missed_hits, writer);
   Put(accuracy.extra_hits, writer);
   writer->Put(accuracy.t_error.rays);
@@ -43,6 +44,7 @@ Accuracy GetAccuracy(CheckedReader* reader) {
   if (GetBool(reader)) accuracy.leaks = GetRate(reader);
   accuracy.wrong_triangles = GetRate(reader);
   accuracy.unconnected_triangles = GetRate(reader);
+  accuracy.folds = GetRate(reader);
   accuracy.missed_hits = GetRate(reader);
   accuracy.extra_hits = GetRate(reader);
   accuracy.t_error.rays = reader->Get<std::uint64_t>();

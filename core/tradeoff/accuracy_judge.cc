@@ -1,16 +1,63 @@
 #include "core/tradeoff/accuracy_judge.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 
+#include "core/geometry/local_ray.h"
+
 namespace kdray::core {
+namespace {
+
+// Squares of 1e-200 are 0.
+double LengthAtAnyScale(const Vec3d& v) {
+  const double largest = MaxAbs(v);
+  return largest * Length(v * (1 / largest));
+}
+
+/// A triangle in the mesh's frame, which scales all axes alike and so keeps angles.
+class SeenTriangle {
+ public:
+  SeenTriangle(const TriangleMesh& mesh, PrimitiveId id)
+      : corners_{mesh.LocalCorner(id, 0), mesh.LocalCorner(id, 1), mesh.LocalCorner(id, 2)},
+        normal_(Cross(corners_[1] - corners_[0], corners_[2] - corners_[0])),
+        twice_area_(Length(normal_)) {}
+
+  /// |cos| between the direction and the normal; 1 for a needle whose normal is lost in rounding,
+  /// which says nothing about the angle.
+  double CosineTo(const Vec3d& direction) const {
+    if (!(twice_area_ > 0)) return 1;
+    return std::fabs(Dot(normal_, NormalizedAtAnyScale(direction))) / twice_area_;
+  }
+
+  /// From the hit to the nearest edge, in the triangle's plane.
+  double DistanceToBorder(const Hit& hit) const {
+    const double weights[3] = {1 - hit.u - hit.v, hit.u, hit.v};
+    double nearest = HUGE_VAL;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double edge = Length(corners_[(k + 1) % 3] - corners_[(k + 2) % 3]);
+      nearest = std::min(nearest, weights[k] * twice_area_ / edge);
+    }
+    return nearest;
+  }
+
+ private:
+  std::array<Vec3d, 3> corners_;
+  Vec3d normal_;
+  double twice_area_;
+};
+
+}  // namespace
 
 AccuracyJudge::AccuracyJudge(const TriangleMesh& mesh, Precision precision, bool from_inside)
     : mesh_(mesh) {
   const Vec3d extent = mesh.bounds().Extent();
   extent_ = std::max({extent.x, extent.y, extent.z});
   sum_.precision = precision;
+  const bool in_float = precision == Precision::kFast || precision == Precision::kWatertight;
+  pad_ = in_float ? kFloatPad : kDoublePad;
+  tolerance_ = PromisedTError(in_float ? Precision::kWatertight : precision).value_or(0);
   if (from_inside) sum_.leaks.emplace();
 }
 
@@ -18,8 +65,8 @@ void AccuracyJudge::Add(std::span<const Ray> rays, std::span<const Hit> exact,
                         std::span<const Hit> hits) {
   for (std::size_t i = 0; i < rays.size(); ++i) AddRow(rays[i], exact[i], hits[i]);
   if (sum_.leaks) sum_.leaks->rays += rays.size();
-  for (ErrorRate* rate :
-       {&sum_.wrong_triangles, &sum_.unconnected_triangles, &sum_.missed_hits, &sum_.extra_hits}) {
+  for (ErrorRate* rate : {&sum_.wrong_triangles, &sum_.unconnected_triangles, &sum_.folds,
+                          &sum_.missed_hits, &sum_.extra_hits}) {
     rate->rays += rays.size();
   }
 }
@@ -32,12 +79,17 @@ void AccuracyJudge::AddRow(const Ray& ray, const Hit& exact, const Hit& hit) {
     return;
   }
   int shared = 3;
+  const double error = ScaledError(ray, exact, hit);
   if (hit.primitive_id != exact.primitive_id) {
     shared = SharedCorners(hit.primitive_id, exact.primitive_id);
     ++sum_.wrong_triangles.count;
     if (shared == 0) ++sum_.unconnected_triangles.count;
+    if (error > tolerance_ && IsFold(ray, hit.t < exact.t ? hit : exact)) {
+      ++sum_.folds.count;
+      return;
+    }
   }
-  if (shared >= 2) t_errors_.push_back(ScaledError(ray, exact, hit));
+  if (shared >= 2) t_errors_.push_back(error);
 }
 
 // By position: in some formats no two triangles share a vertex.
@@ -57,15 +109,16 @@ int AccuracyJudge::SharedCorners(PrimitiveId a, PrimitiveId b) const {
 
 double AccuracyJudge::ScaledError(const Ray& ray, const Hit& exact, const Hit& hit) const {
   if (hit.t == exact.t) return 0;
-  // The frame scales all axes alike, so local corners have the normal of the triangle.
-  const Vec3d a = mesh_.LocalCorner(hit.primitive_id, 0);
-  const Vec3d normal =
-      Cross(mesh_.LocalCorner(hit.primitive_id, 1) - a, mesh_.LocalCorner(hit.primitive_id, 2) - a);
-  const double area = Length(normal);
-  const double length = Length(ray.direction);
-  // A needle whose normal is lost in rounding says nothing about the angle.
-  const double cosine = area > 0 ? std::fabs(Dot(normal, ray.direction)) / (area * length) : 1.0;
-  return std::fabs(hit.t - exact.t) * cosine / (std::fabs(exact.t) + extent_ / length);
+  const double cosine = SeenTriangle(mesh_, hit.primitive_id).CosineTo(ray.direction);
+  return std::fabs(hit.t - exact.t) * cosine /
+         (std::fabs(exact.t) + extent_ / LengthAtAnyScale(ray.direction));
+}
+
+bool AccuracyJudge::IsFold(const Ray& ray, const Hit& nearer) const {
+  const SeenTriangle triangle(mesh_, nearer.primitive_id);
+  // A ray that is moved by a pad on each axis moves its hit by that over the cosine.
+  return triangle.DistanceToBorder(nearer) * triangle.CosineTo(ray.direction) <=
+         std::sqrt(3.0) * pad_;
 }
 
 Accuracy AccuracyJudge::Sum() const {

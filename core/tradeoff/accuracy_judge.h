@@ -25,9 +25,12 @@ class AccuracyJudge {
   void AddRow(const Ray& ray, const Hit& exact, const Hit& hit);
   int SharedCorners(PrimitiveId a, PrimitiveId b) const;
   double ScaledError(const Ray& ray, const Hit& exact, const Hit& hit) const;
+  bool IsFold(const Ray& ray, const Hit& nearer) const;
 
   const TriangleMesh& mesh_;
   double extent_;
+  double pad_;        // by which rounding may move a ray, local units
+  double tolerance_;  // of the scaled error of t, beyond which a fold is looked for
   Accuracy sum_;
   std::vector<double> t_errors_;
 };

@@ -39,7 +39,7 @@ struct ErrorRate {
 /// incidence and near the origin nothing bounds the error relative to t itself. Dimensionless.
 /// extent is the longest side of the mesh's bounds, d the ray's direction, cos that between d and
 /// the normal of the triangle that was named. Over rays where both named the same triangle or two
-/// that share an edge.
+/// that share an edge, folds left out.
 struct TError {
   std::uint64_t rays = 0;
   double p999 = 0;  ///< 999 of 1000 are not above it
@@ -59,8 +59,12 @@ struct Accuracy {
   std::optional<ErrorRate> leaks;
   ErrorRate wrong_triangles;        ///< another triangle than the exact one; mostly its neighbour
   ErrorRate unconnected_triangles;  ///< of those, the ones that share no corner with it
-  ErrorRate missed_hits;            ///< nothing, where there is an exact hit
-  ErrorRate extra_hits;             ///< a hit, where there is no exact one
+  /// Of those, rays past a fold of the surface: the nearer of the two hits lies within rounding
+  /// (a pad, core/geometry/local_ray.h) of its triangle's border, so that one arithmetic sees the
+  /// ray touch the fold and the other sees it pass to what is behind.
+  ErrorRate folds;
+  ErrorRate missed_hits;  ///< nothing, where there is an exact hit
+  ErrorRate extra_hits;   ///< a hit, where there is no exact one
   TError t_error;
   friend bool operator==(const Accuracy&, const Accuracy&) = default;
 };

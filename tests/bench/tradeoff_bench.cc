@@ -120,8 +120,8 @@ void Print(const std::string& mesh, const core::Tradeoff& measured) {
     }
     for (const std::uint64_t count :
          {accuracy.wrong_triangles.count, accuracy.unconnected_triangles.count,
-          accuracy.missed_hits.count, accuracy.extra_hits.count, accuracy.missed_hits.rays,
-          accuracy.t_error.rays}) {
+          accuracy.folds.count, accuracy.missed_hits.count, accuracy.extra_hits.count,
+          accuracy.missed_hits.rays, accuracy.t_error.rays}) {
       std::printf(",%llu", static_cast<unsigned long long>(count));
     }
     std::printf(",%.6g,%.6g,%llu\n", accuracy.t_error.p999, accuracy.t_error.max,
@@ -139,7 +139,8 @@ int Run(int argc, char** argv) {
   std::printf(
       "mesh,triangles,closed,build,precision,build_ms,bytes,sah_cost,random_rays_per_s,"
       "random_slowest,random_fastest,aimed_rays_per_s,aimed_slowest,aimed_fastest,random_nodes,"
-      "random_triangles,aimed_nodes,aimed_triangles,leaks,wrong,unconnected,missed,extra,rays,"
+      "random_triangles,aimed_nodes,aimed_triangles,leaks,wrong,unconnected,folds,missed,extra,"
+      "rays,"
       "t_rays,t_p999,t_max,differences\n");
   core::Arena arena(options.threads);
   bool failed = false;

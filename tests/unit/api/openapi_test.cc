@@ -361,7 +361,8 @@ TEST(Examples, OfTradeoffsAreWhatIsWritten) {
   row.aimed = {7e6, 6.5e6, 7.25e6, 18.25, 6.5};
   row.leaks = ErrorRate{0, 60000};
   row.wrong_triangles = {30000, 60000};
-  row.unconnected_triangles = row.missed_hits = row.extra_hits = row.differences = {0, 60000};
+  row.unconnected_triangles = row.folds = row.missed_hits = row.extra_hits =
+      row.differences = {0, 60000};
   row.t_error_rays = 60000;
   row.t_error_p999 = 1.25e-8;
   row.t_error_max = 4e-8;

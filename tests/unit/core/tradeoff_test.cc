@@ -215,7 +215,7 @@ class JudgeTest : public testing::Test {
 };
 
 TEST_F(JudgeTest, CountsANeighbourAsWrongAndComparesItsT) {
-  const Accuracy a = Judge({2.5, 0, 0, 0}, {2.5 + 1e-3, 0, 0, 1});
+  const Accuracy a = Judge({2.5, 0.3, 0.3, 0}, {2.5 + 1e-3, 0.3, 0.3, 1});
   EXPECT_EQ(a.wrong_triangles, (ErrorRate{1, 1}));
   EXPECT_EQ(a.unconnected_triangles, (ErrorRate{0, 1}));
   // Head-on, so the cosine is 1; the mesh is 2 high, and a direction is 2 long.
@@ -229,6 +229,19 @@ TEST_F(JudgeTest, TellsATriangleApartAndLeavesItsTOut) {
   EXPECT_EQ(a.wrong_triangles.count, 1u);
   EXPECT_EQ(a.unconnected_triangles.count, 1u);
   EXPECT_EQ(a.t_error.rays, 0u);
+}
+
+TEST_F(JudgeTest, TellsAHitPastAFoldFromAnErrorOfT) {
+  // The nearer hit lies on the edge u = 0 of its triangle, the farther one shares an edge with it.
+  const Accuracy fold = Judge({2.5, 0, 0.5, 0}, {3.5, 0.2, 0.2, 1});
+  EXPECT_EQ(fold.folds, (ErrorRate{1, 1}));
+  EXPECT_EQ(fold.t_error.rays, 0u);
+  // In the middle of its triangle nothing explains it.
+  const Accuracy error = Judge({2.5, 0.3, 0.3, 0}, {3.5, 0.2, 0.2, 1});
+  EXPECT_EQ(error.folds.count, 0u);
+  EXPECT_EQ(error.t_error.rays, 1u);
+  // A tie at the edge is no fold.
+  EXPECT_EQ(Judge({2.5, 0, 0.5, 0}, {2.5, 0.2, 0.2, 1}).folds.count, 0u);
 }
 
 TEST_F(JudgeTest, TellsMissesHitsTooManyAndLeaks) {
