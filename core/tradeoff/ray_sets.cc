@@ -110,7 +110,11 @@ class Aim {
     bounds.max = bounds.max + Vec3d{side, side, side};
     for (std::size_t i = 0; i < kOrigins; ++i) {
       Origin origin{random_.PointIn(bounds), std::nullopt};
-      if (i % 2 == 1) origin.plane = MoveIntoPlane(&origin.point);
+      if (i % 2 == 1) {
+        Origin moved = origin;
+        moved.plane = MoveIntoPlane(&moved.point);
+        if (IsClear(moved.point)) origin = moved;
+      }
       origins.push_back(origin);
     }
     return origins;
@@ -159,10 +163,24 @@ class Aim {
     return axis;
   }
 
+  // On a surface rounding decides whether t is negative and the ray goes on: that says nothing
+  // about the mesh.
+  bool IsClear(const Vec3d& point) {
+    Ray ray;
+    ray.origin = point;
+    const double margin = Margin();
+    for (int i = 0; i < 6; ++i) {
+      ray.direction = random_.Direction();
+      const Hit hit = ClosestHit(scene_, ray, Precision::kExact);
+      if (hit.IsHit() && hit.t < margin) return false;
+    }
+    return true;
+  }
+
   // Precisions that round vertices move the surface, by 2^-24 of the mesh's size: a point inside
   // must be inside for them as well.
   bool IsInside(const Vec3d& point) {
-    const double margin = 0x1p-14 * LongestSide();
+    const double margin = Margin();
     for (int i = 0; i < 3; ++i) {
       const Vec3d direction = random_.Direction();
       if (!LeavesFromInside(scene_, point, direction, margin) ||
@@ -173,6 +191,7 @@ class Aim {
     return true;
   }
 
+  double Margin() const { return 0x1p-14 * LongestSide(); }
   double LongestSide() const {
     const Vec3d extent = mesh_.bounds().Extent();
     return std::max({extent.x, extent.y, extent.z});
