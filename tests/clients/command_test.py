@@ -14,6 +14,7 @@ import numpy as np
 from daemon import Daemon
 
 KDRAYD, KDRAY = sys.argv[1:3]
+TRADEOFF = os.path.join(os.path.dirname(__file__), "../../clients/python/tradeoff.py")
 EXAMPLE = os.path.join(os.path.dirname(__file__), "../../clients/python/example.py")
 
 
@@ -43,6 +44,25 @@ class CommandTest(unittest.TestCase):
         again = self.ok("upload", self.teapot)
         self.assertEqual(again.stdout, first.stdout)
         self.assertIn("already has this tree", again.stderr)
+
+    def test_tradeoff_measures_once_and_forgets(self):
+        cube = self.path("cube.ply")
+        self.ok("sample", "cube", "-o", cube)
+        first = self.ok("tradeoff", cube)
+        self.assertIn("measuring", first.stderr)
+        for word in ("LEAKS", "kd-sah", "box", "exact", "triangles, closed"):
+            self.assertIn(word, first.stdout)
+        self.assertEqual(self.ok("tradeoff", cube).stdout, first.stdout)
+        measured = json.loads(self.ok("tradeoff", cube, "--json").stdout)
+        self.assertEqual(len(measured["results"]), 24)
+        # The script in Python finds what is there, measures it again, and prints the same rows.
+        done = subprocess.run([sys.executable, TRADEOFF, cube, self.daemon.url], capture_output=True, text=True,
+                              timeout=120, check=True)
+        self.assertEqual(len(done.stdout.splitlines()), 25)
+        self.ok("tradeoff", cube, "--forget")
+        again = self.kdray("tradeoff", cube, "--forget")
+        self.assertEqual(again.returncode, 1)
+        self.assertIn("not_measured", again.stderr)
 
     def test_every_build_of_a_sample_is_closed_and_listed(self):
         for build in ("kd-sah", "kd-median", "bvh", "box"):
