@@ -51,9 +51,6 @@ clang-format
 clang-tidy
 shellcheck
 END
-    bench) cat <<'END' ;;
-python3-matplotlib
-END
     *)
       echo "server/dependencies.sh: no group '$1'; there are build, test, run, lint and bench" >&2
       return 2
