@@ -2,9 +2,7 @@
 
 #include <algorithm>
 
-#include "core/trace/double_double.h"
 #include "core/trace/dyadic.h"
-#include "core/trace/product.h"
 
 namespace kdray::core {
 namespace {
@@ -54,48 +52,16 @@ ExactParameter ParameterOf(const LocalRay& ray, const ExactTest::Corners& triang
 
 }  // namespace
 
-ExactTest::ExactTest(const LocalRay& ray) : ray_(ray), origin_rounding_(0), trust_rounded_(true) {
-  const Ray& given = *ray.given;
-  const MeshFrame& frame = *ray.frame;
-  for (int axis = 0; axis < 3; ++axis) {
-    const DoubleDouble moved = TwoDifference(given.origin[axis], frame.origin[axis]);
-    origin_[axis] = ScaleByPowerOfTwo(moved.high, -frame.exponent);
-    origin_low_[axis] = ScaleByPowerOfTwo(moved.low, -frame.exponent);
-    // Scaling may underflow or overflow for a ray that has little to do with the mesh; then nothing
-    // rounded is trusted.
-    const bool exact = ScaleByPowerOfTwo(origin_[axis], frame.exponent) == moved.high &&
-                       ScaleByPowerOfTwo(origin_low_[axis], frame.exponent) == moved.low;
-    if (!exact) trust_rounded_ = false;
-    origin_rounding_ = std::max(origin_rounding_, std::fabs(origin_low_[axis]));
-    const int scale = ray.exponent - frame.exponent;
-    if (ScaleByPowerOfTwo(ray.direction[axis], -scale) != given.direction[axis])
-      trust_rounded_ = false;
-  }
-  low_ = ScaleByPowerOfTwo(given.t_min, -ray.exponent);
-  high_ = ScaleByPowerOfTwo(given.t_max, -ray.exponent);
-}
+ExactTest::ExactTest(const LocalRay& ray)
+    : ray_(ray),
+      rounded_(ray),
+      low_(ScaleByPowerOfTwo(ray.given->t_min, -ray.exponent)),
+      high_(ScaleByPowerOfTwo(ray.given->t_max, -ray.exponent)) {}
 
-auto ExactTest::RelativeTo(const Vec3d& corner) const -> Relative {
-  const Vec3d at = corner - origin_;
-  return {at, MaxAbs(at)};
-}
-
-auto ExactTest::EdgeVolume(const Relative& p, const Relative& q, const Vec3d& p_exact,
-                           const Vec3d& q_exact) const -> Volume {
-  const Vec3d& d = ray_.direction;
-  const double yz = p.at.y * q.at.z, zy = p.at.z * q.at.y;
-  const double zx = p.at.z * q.at.x, xz = p.at.x * q.at.z;
-  const double xy = p.at.x * q.at.y, yx = p.at.y * q.at.x;
-  const double value = d.x * (yz - zy) + d.y * (zx - xz) + d.z * (xy - yx);
-  const double permanent = std::fabs(d.x) * (std::fabs(yz) + std::fabs(zy)) +
-                           std::fabs(d.y) * (std::fabs(zx) + std::fabs(xz)) +
-                           std::fabs(d.z) * (std::fabs(xy) + std::fabs(yx));
-  // Shewchuk's bound for a determinant whose rows are rounded differences; then what the origin's
-  // own rounding can add (six products of a direction below 2, one corner and the other's error);
-  // then underflow of the products.
-  const double bound =
-      (7 + 56 * kUnit) * kUnit * permanent + 16 * origin_rounding_ * (p.size + q.size) + 0x1p-1000;
-  if (trust_rounded_ && std::fabs(value) > bound) return {value > 0 ? 1 : -1, value};
+auto ExactTest::EdgeVolume(const RoundedRay::Relative& p, const RoundedRay::Relative& q,
+                           const Vec3d& p_exact, const Vec3d& q_exact) const -> Volume {
+  const auto [value, error] = rounded_.EdgeVolume(p, q);
+  if (std::fabs(value) > error) return {value > 0 ? 1 : -1, value};
 
   const DyadicVec3 origin = ExactOrigin(ray_);
   const Dyadic exact =
@@ -104,42 +70,15 @@ auto ExactTest::EdgeVolume(const Relative& p, const Relative& q, const Vec3d& p_
 }
 
 double ExactTest::ExactOrRoundedT(const Vec3d& a, const Vec3d& b, const Vec3d& c) const {
-  if (trust_rounded_) {
-    const Vec3d& d = ray_.direction;
-    DoubleDouble numerator, denominator;
-    double numerator_size = 0, denominator_size = 0;
-    for (int axis = 0; axis < 3; ++axis) {
-      const int i = axis == 2 ? 0 : axis + 1;
-      const int j = i == 2 ? 0 : i + 1;
-      const DoubleDouble bi = TwoDifference(b[i], a[i]), bj = TwoDifference(b[j], a[j]);
-      const DoubleDouble ci = TwoDifference(c[i], a[i]), cj = TwoDifference(c[j], a[j]);
-      const DoubleDouble left = bi * cj, right = bj * ci;
-      const DoubleDouble normal = left - right;
-      const double normal_size = std::fabs(left.high) + std::fabs(right.high);
-      const DoubleDouble to_plane =
-          TwoDifference(a[axis], origin_[axis]) - DoubleDouble{origin_low_[axis], 0};
-      numerator = numerator + normal * to_plane;
-      denominator = denominator + normal * DoubleDouble{d[axis], 0};
-      // The size of what was subtracted to get to_plane counts, not what was left.
-      numerator_size += normal_size * (std::fabs(a[axis]) + std::fabs(origin_[axis]));
-      denominator_size += normal_size * std::fabs(d[axis]);
-    }
-    // A dozen operations of relative error 2^-102 on terms of these sizes.
-    constexpr double kStep = 0x1p-97;
-    const double doubt = kStep * (numerator_size / std::fabs(numerator.high) +
-                                  denominator_size / std::fabs(denominator.high));
-    if (doubt < 0x1p-56 && std::fabs(numerator.high) > 0x1p-900 &&
-        std::fabs(denominator.high) > 0x1p-900) {
-      const DoubleDouble t = numerator / denominator;
-      return t.high + t.low;
-    }
-  }
+  double t = 0;
+  if (rounded_.FindT(a, b, c, &t)) return t;
   const ExactParameter exact = ParameterOf(ray_, {a, b, c});
   return Dyadic::Quotient(exact.numerator, exact.denominator);
 }
 
 bool ExactTest::Test(const Vec3d& a, const Vec3d& b, const Vec3d& c, Hit* hit) const {
-  const Relative ra = RelativeTo(a), rb = RelativeTo(b), rc = RelativeTo(c);
+  const RoundedRay::Relative ra = rounded_.RelativeTo(a), rb = rounded_.RelativeTo(b),
+                             rc = rounded_.RelativeTo(c);
   const Volume wa = EdgeVolume(rb, rc, b, c);
   const Volume wb = EdgeVolume(rc, ra, c, a);
   if (wa.sign * wb.sign < 0) return false;
@@ -150,9 +89,7 @@ bool ExactTest::Test(const Vec3d& a, const Vec3d& b, const Vec3d& c, Hit* hit) c
 
   hit->t = ExactOrRoundedT(a, b, c);
   hit->s = hit->t - ray_.shift;
-  const double inverse_sum = 1.0 / SymmetricSum(wa.value, wb.value, wc.value);
-  hit->u = wb.value * inverse_sum + 0.0;  // -0 becomes 0
-  hit->v = wc.value * inverse_sum + 0.0;
+  RoundedRay::FindWeights(wa.value, wb.value, wc.value, &hit->u, &hit->v);
   hit->side = any_positive ? 1 : -1;
   hit->on_edge = {wa.sign == 0, wb.sign == 0, wc.sign == 0};
   return true;
@@ -178,9 +115,9 @@ int ExactTest::MovedSign(const Vec3d& p, const Vec3d& q) const {
     const double value = left - right;
     // Three roundings on the way to each product and their difference; then underflow.
     const double bound = 4 * kUnit * (std::fabs(left) + std::fabs(right)) + 0x1p-1070;
-    if (trust_rounded_ && std::fabs(value) > bound) return value > 0 ? 1 : -1;
+    if (rounded_.is_trusted && std::fabs(value) > bound) return value > 0 ? 1 : -1;
     // A rounded difference is 0 only when the corners' coordinates are equal.
-    if (trust_rounded_ && (edge[i] == 0 || d[j] == 0) && (edge[j] == 0 || d[i] == 0)) continue;
+    if (rounded_.is_trusted && (edge[i] == 0 || d[j] == 0) && (edge[j] == 0 || d[i] == 0)) continue;
     const DyadicVec3 edge_exact = Exactly(p) - Exactly(q);
     const DyadicVec3 product = Cross(edge_exact, ExactDirection(ray_));
     const int sign = (axis == 0 ? product.x : axis == 1 ? product.y : product.z).Sign();

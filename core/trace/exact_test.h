@@ -2,14 +2,65 @@
 // that the caller gave.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "core/geometry/hit.h"
 #include "core/geometry/local_ray.h"
 #include "core/geometry/vec3.h"
+#include "core/trace/double_double.h"
+#include "core/trace/product.h"
 
 namespace kdray::core {
+
+/// What ExactTest does in rounded arithmetic, with bounds on the errors. Inlined by force: where
+/// the caller is compiled for fused multiply-add, it becomes one instruction.
+struct RoundedRay {
+  Vec3d direction;             ///< of LocalRay
+  Vec3d origin;                ///< the origin as given, not moved along the ray; local, rounded
+  Vec3d origin_low;            ///< what rounding took away
+  double origin_rounding = 0;  ///< bound on |origin_low|
+  /// False for rays so far from the mesh's scale that scaling them underflows or overflows.
+  bool is_trusted = true;
+
+  /// A triangle corner relative to the origin, rounded.
+  struct Relative {
+    Vec3d at;
+    double size;  ///< largest |component|
+  };
+  struct Volume {
+    double value;
+    double error;  ///< bound; infinite where is_trusted is false
+  };
+
+  /// An edge's volume in double is off by no more than kProducts * (the sum of the sizes of its
+  /// products) + kOrigin * origin_rounding * (the sum of the two corners' sizes) + kUnderflow.
+  /// Shewchuk's bound for a determinant whose rows are rounded differences:
+  static constexpr double kProducts = (7 + 56 * 0x1p-53) * 0x1p-53;
+  /// What the origin's own rounding can add: six products of a direction below 2, one corner and
+  /// the other's error.
+  static constexpr double kOrigin = 16;
+  static constexpr double kUnderflow = 0x1p-1000;
+
+  explicit RoundedRay(const LocalRay& ray);
+
+  Relative RelativeTo(const Vec3d& corner) const {
+    const Vec3d at = corner - origin;
+    return {at, MaxAbs(at)};
+  }
+  /// direction . ((p - origin) x (q - origin)): on which side the ray passes the edge p q.
+  Volume EdgeVolume(const Relative& p, const Relative& q) const;
+  /// t of the ray and a triangle's plane, to within 1 ulp; false when that takes more digits.
+  bool FindT(const Vec3d& a, const Vec3d& b, const Vec3d& c, double* t) const;
+  /// The weights of the second and third corner from the volumes opposite all three.
+  static void FindWeights(double a, double b, double c, double* u, double* v) {
+    const double inverse_sum = 1.0 / SymmetricSum(a, b, c);
+    *u = b * inverse_sum + 0.0;  // -0 becomes 0
+    *v = c * inverse_sum + 0.0;
+  }
+};
 
 /// Decides on the input as given: mesh vertices as the doubles that were parsed (the mesh frame
 /// holds them exactly), rays as the doubles of the request. Triangles are closed sets. Each
@@ -75,16 +126,9 @@ class ExactTest {
     int sign;
     double value;
   };
-  /// A triangle corner relative to the ray's origin, rounded.
-  struct Relative {
-    Vec3d at;
-    double size;  ///< largest |component|
-  };
-
-  Relative RelativeTo(const Vec3d& corner) const;
   /// Sign of direction . ((p - origin) x (q - origin)): on which side the ray passes the edge p q.
-  Volume EdgeVolume(const Relative& p, const Relative& q, const Vec3d& p_exact,
-                    const Vec3d& q_exact) const;
+  Volume EdgeVolume(const RoundedRay::Relative& p, const RoundedRay::Relative& q,
+                    const Vec3d& p_exact, const Vec3d& q_exact) const;
   /// Sign of that volume, when it is 0, for the moved ray of OwnsCrossing; 0 when the edge is
   /// parallel to the ray.
   int MovedSign(const Vec3d& p, const Vec3d& q) const;
@@ -106,11 +150,76 @@ class ExactTest {
   int CompareExactly(const Corners& triangle, double bound) const;
 
   const LocalRay& ray_;
-  Vec3d origin_;            // as given, local, rounded
-  Vec3d origin_low_;        // what rounding took away
-  double origin_rounding_;  // bound on |origin_low_|, 0 when origin_ is exact
-  bool trust_rounded_;  // false for rays so far from the mesh's scale that scaling them underflows
-  double low_, high_;   // the caller's interval in local lengths
+  RoundedRay rounded_;
+  double low_, high_;  // the caller's interval in local lengths
 };
+
+// ---- Implementation ----
+
+inline RoundedRay::RoundedRay(const LocalRay& ray) : direction(ray.direction) {
+  const Ray& given = *ray.given;
+  const MeshFrame& frame = *ray.frame;
+  const int scale = ray.exponent - frame.exponent;
+  for (int axis = 0; axis < 3; ++axis) {
+    const DoubleDouble moved = TwoDifference(given.origin[axis], frame.origin[axis]);
+    origin[axis] = ScaleByPowerOfTwo(moved.high, -frame.exponent);
+    origin_low[axis] = ScaleByPowerOfTwo(moved.low, -frame.exponent);
+    if (ScaleByPowerOfTwo(origin[axis], frame.exponent) != moved.high ||
+        ScaleByPowerOfTwo(origin_low[axis], frame.exponent) != moved.low ||
+        ScaleByPowerOfTwo(direction[axis], -scale) != given.direction[axis]) {
+      is_trusted = false;
+    }
+    origin_rounding = std::max(origin_rounding, std::fabs(origin_low[axis]));
+  }
+  if (!is_trusted) origin_rounding = std::numeric_limits<double>::infinity();
+}
+
+[[gnu::always_inline]] inline auto RoundedRay::EdgeVolume(const Relative& p,
+                                                          const Relative& q) const -> Volume {
+  const Vec3d& d = direction;
+  const double yz = p.at.y * q.at.z, zy = p.at.z * q.at.y;
+  const double zx = p.at.z * q.at.x, xz = p.at.x * q.at.z;
+  const double xy = p.at.x * q.at.y, yx = p.at.y * q.at.x;
+  const double value = d.x * (yz - zy) + d.y * (zx - xz) + d.z * (xy - yx);
+  const double permanent = std::fabs(d.x) * (std::fabs(yz) + std::fabs(zy)) +
+                           std::fabs(d.y) * (std::fabs(zx) + std::fabs(xz)) +
+                           std::fabs(d.z) * (std::fabs(xy) + std::fabs(yx));
+  return {value,
+          kProducts * permanent + kOrigin * origin_rounding * (p.size + q.size) + kUnderflow};
+}
+
+[[gnu::always_inline]] inline bool RoundedRay::FindT(const Vec3d& a, const Vec3d& b, const Vec3d& c,
+                                                     double* t) const {
+  if (!is_trusted) return false;
+  DoubleDouble numerator, denominator;
+  double numerator_size = 0, denominator_size = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int i = axis == 2 ? 0 : axis + 1;
+    const int j = i == 2 ? 0 : i + 1;
+    const DoubleDouble bi = TwoDifference(b[i], a[i]), bj = TwoDifference(b[j], a[j]);
+    const DoubleDouble ci = TwoDifference(c[i], a[i]), cj = TwoDifference(c[j], a[j]);
+    const DoubleDouble left = bi * cj, right = bj * ci;
+    const DoubleDouble normal = left - right;
+    const double normal_size = std::fabs(left.high) + std::fabs(right.high);
+    const DoubleDouble to_plane =
+        TwoDifference(a[axis], origin[axis]) - DoubleDouble{origin_low[axis], 0};
+    numerator = numerator + normal * to_plane;
+    denominator = denominator + normal * DoubleDouble{direction[axis], 0};
+    // The size of what was subtracted to get to_plane counts, not what was left.
+    numerator_size += normal_size * (std::fabs(a[axis]) + std::fabs(origin[axis]));
+    denominator_size += normal_size * std::fabs(direction[axis]);
+  }
+  // A dozen operations of relative error 2^-102 on terms of these sizes.
+  constexpr double kStep = 0x1p-97;
+  const double doubt = kStep * (numerator_size / std::fabs(numerator.high) +
+                                denominator_size / std::fabs(denominator.high));
+  if (!(doubt < 0x1p-56 && std::fabs(numerator.high) > 0x1p-900 &&
+        std::fabs(denominator.high) > 0x1p-900)) {
+    return false;
+  }
+  const DoubleDouble quotient = numerator / denominator;
+  *t = quotient.high + quotient.low;
+  return true;
+}
 
 }  // namespace kdray::core

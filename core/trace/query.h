@@ -54,6 +54,7 @@ struct ClosestSearch {
   /// Returns whether the triangle was kept.
   template <class Corners>
   bool Offer(const Test& test, PrimitiveId id, const Corners& corners) {
+    if (id == best_id) return false;  // again, from another leaf
     const auto [a, b, c] = corners(id);
     typename Test::Hit hit;
     if (!test.Test(a, b, c, &hit)) return false;

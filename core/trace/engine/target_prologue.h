@@ -19,5 +19,6 @@
 #include "core/geometry/local_ray.h"
 #include "core/geometry/ray.h"
 #include "core/trace/engine/engine.h"
+#include "core/trace/exact_test.h"
 #include "core/trace/leaf_test.h"
 #include "core/wide/wide_tree.h"
