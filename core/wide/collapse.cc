@@ -6,6 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "core/base/parallel.h"
+
 namespace kdray::core {
 
 namespace {
@@ -46,23 +48,46 @@ class Collapser {
  public:
   Collapser(const TriangleMesh& mesh, std::span<const BinaryNode> nodes,
             std::span<const PrimitiveId> primitives)
-      : mesh_(mesh), nodes_(nodes), primitives_(primitives), forests_(nodes.size()) {}
+      : mesh_(mesh),
+        nodes_(nodes),
+        primitives_(primitives),
+        forests_(nodes.size()),
+        sizes_(nodes.size()) {}
 
   WideTree Make() {
     if (nodes_.empty() || nodes_[0].IsEmpty() || nodes_[0].bounds.IsEmpty()) return {};
-    for (std::size_t i = nodes_.size(); i-- > 0;) Plan(static_cast<std::uint32_t>(i));
+    PlanSubtree(0, static_cast<std::uint32_t>(nodes_.size()));
     wide_.bounds = Widen(nodes_[0].bounds);
-    // Counted first, so that nothing is moved while it grows.
-    wide_.nodes.reserve(CountNodes(0));
-    std::size_t blocks = 0;
-    for (const BinaryNode& node : nodes_) blocks += node.Blocks();
-    wide_.blocks.reserve(blocks);
-    wide_.root = Emit(0);
+    // Counted first: so every subtree knows its place, and subtrees can be written in parallel.
+    const Size size = Measure(0);
+    wide_.nodes.resize(size.nodes);
+    wide_.blocks.resize(size.blocks);
+    wide_.root = Emit(0, {});
     wide_.stack_size = StackSize(wide_);
     return std::move(wide_);
   }
 
  private:
+  // Binary nodes that are worth a task of their own.
+  static constexpr std::uint32_t kTaskNodes = 8192;
+
+  // A subtree's wide nodes and blocks; or where they begin.
+  struct Size {
+    std::uint32_t nodes = 0;
+    std::uint32_t blocks = 0;
+  };
+
+  // The nodes [i, end) are one subtree.
+  void PlanSubtree(std::uint32_t i, std::uint32_t end) {
+    if (end - i <= kTaskNodes) {
+      for (std::uint32_t k = end; k-- > i;) Plan(k);
+      return;
+    }
+    const std::uint32_t second = nodes_[i].second;
+    ParallelInvoke([&] { PlanSubtree(i + 1, second); }, [&] { PlanSubtree(second, end); });
+    Plan(i);
+  }
+
   void Plan(std::uint32_t i) {
     const BinaryNode& node = nodes_[i];
     Forest& forest = forests_[i];
@@ -162,22 +187,31 @@ class Collapser {
     return children;
   }
 
-  std::size_t CountNodes(std::uint32_t i) const {
-    if (nodes_[i].IsLeaf()) return 0;
-    const Children children = ChildrenOf(i);
-    std::size_t count = 1;
-    for (std::size_t c = 0; c < children.size; ++c) count += CountNodes(children.roots[c]);
-    return count;
+  Size Measure(std::uint32_t i) {
+    Size size;
+    if (nodes_[i].IsLeaf()) {
+      size.blocks = static_cast<std::uint32_t>(nodes_[i].Blocks());
+    } else {
+      size.nodes = 1;
+      const Children children = ChildrenOf(i);
+      for (std::size_t c = 0; c < children.size; ++c) {
+        const Size below = Measure(children.roots[c]);
+        size.nodes += below.nodes;
+        size.blocks += below.blocks;
+      }
+    }
+    sizes_[i] = size;
+    return size;
   }
 
-  std::uint32_t Emit(std::uint32_t i) {
+  // Writes a subtree to its place; what a parent calls it by.
+  std::uint32_t Emit(std::uint32_t i, Size place) {
     const BinaryNode& node = nodes_[i];
-    if (node.IsLeaf()) return EmitLeaf(node);
+    if (node.IsLeaf()) return EmitLeaf(node, place.blocks);
     const Children children = ChildrenOf(i);
-    const std::uint32_t index = static_cast<std::uint32_t>(wide_.nodes.size());
-    wide_.nodes.emplace_back();
+    const std::uint32_t index = place.nodes;
+    WideNode& wide = wide_.nodes[index];
     {
-      WideNode& wide = wide_.nodes.back();
       for (std::size_t c = 0; c < kWidth; ++c) {
         Bounds3f box = Bounds3f::Empty();
         if (c < children.size) box = Widen(nodes_[children.roots[c]].bounds);
@@ -197,43 +231,62 @@ class Collapser {
         wide.order[octant] = packed;
       }
     }
+    std::array<Size, kWidth> places;
+    ++place.nodes;
     for (std::size_t c = 0; c < children.size; ++c) {
-      const std::uint32_t child = Emit(children.roots[c]);
-      wide_.nodes[index].child[c] = child;
+      places[c] = place;
+      place.nodes += sizes_[children.roots[c]].nodes;
+      place.blocks += sizes_[children.roots[c]].blocks;
     }
+    // A task for a child is worth its price where the child is large.
+    const std::size_t grain = sizes_[i].nodes > kTaskNodes / 16 ? 1 : kWidth;
+    ParallelFor(0, children.size, grain, [&](std::size_t first, std::size_t last) {
+      for (std::size_t c = first; c < last; ++c) {
+        wide.child[c] = Emit(children.roots[c], places[c]);
+      }
+    });
     return index;
   }
 
-  std::uint32_t EmitLeaf(const BinaryNode& leaf) {
-    const std::uint32_t first = static_cast<std::uint32_t>(wide_.blocks.size());
+  std::uint32_t EmitLeaf(const BinaryNode& leaf, std::uint32_t first) {
+    LeafBlock* block = &wide_.blocks[first];
     const auto ids = primitives_.subspan(leaf.second, leaf.primitives);
+    mesh_.VisitVertices([&](auto vertices) {
+      for (std::size_t begin = 0; begin < ids.size(); begin += LeafBlock::kWidth) {
+        const std::size_t count = std::min(LeafBlock::kWidth, ids.size() - begin);
+        FillBlock(ids.subspan(begin, count), vertices, block++);
+      }
+    });
+    block[-1].id[0] |= LeafBlock::kLast;
+    return first | WideChild::kLeafBit;
+  }
+
+  template <class Vertices>
+  void FillBlock(std::span<const PrimitiveId> ids, const Vertices& vertices,
+                 LeafBlock* block) const {
     constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-    for (std::size_t begin = 0; begin < ids.size(); begin += LeafBlock::kWidth) {
-      LeafBlock& block = wide_.blocks.emplace_back();
-      for (std::size_t lane = 0; lane < LeafBlock::kWidth; ++lane) {
-        const bool used = begin + lane < ids.size();
-        block.id[lane] = used ? ids[begin + lane] : LeafBlock::kIdMask;
-        for (int corner = 0; corner < 3; ++corner) {
-          const Vec3f at =
-              used ? Vec3f(mesh_.LocalCorner(block.id[lane], corner)) : Vec3f{kNan, kNan, kNan};
-          for (int axis = 0; axis < 3; ++axis) block.corner[corner][axis][lane] = at[axis];
-        }
+    for (std::size_t lane = 0; lane < LeafBlock::kWidth; ++lane) {
+      const bool used = lane < ids.size();
+      block->id[lane] = used ? ids[lane] : LeafBlock::kIdMask;
+      for (std::size_t corner = 0; corner < 3; ++corner) {
+        Vec3f at{kNan, kNan, kNan};
+        if (used) at = Vec3f(vertices[mesh_.triangles()[ids[lane]][corner]]);
+        for (int axis = 0; axis < 3; ++axis) block->corner[corner][axis][lane] = at[axis];
       }
     }
-    wide_.blocks.back().id[0] |= LeafBlock::kLast;
-    return first | WideChild::kLeafBit;
   }
 
   const TriangleMesh& mesh_;
   std::span<const BinaryNode> nodes_;
   std::span<const PrimitiveId> primitives_;
   std::vector<Forest> forests_;
+  std::vector<Size> sizes_;  // of the subtrees that become wide nodes or leaves
   WideTree wide_;
 };
 
 std::uint64_t BytesFor(std::size_t nodes, std::size_t leaves, std::size_t blocks) {
   // A wide node has two children at least, so there are fewer of them than leaves.
-  return nodes * (sizeof(BinaryNode) + sizeof(Forest) + sizeof(std::uint32_t)) +
+  return nodes * (sizeof(BinaryNode) + sizeof(Forest) + 3 * sizeof(std::uint32_t)) +
          leaves * sizeof(WideNode) + blocks * sizeof(LeafBlock) + (std::uint64_t{4} << 20);
 }
 
@@ -265,17 +318,19 @@ std::uint64_t CollapseBytes(const BoxList& box) {
 
 WideTree Collapse(const TriangleMesh& mesh, const KdTree& tree) {
   std::vector<BinaryNode> nodes(tree.nodes.size());
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
-    const KdNode& node = tree.nodes[i];
-    nodes[i].bounds = tree.node_bounds[i];
-    if (node.IsLeaf()) {
-      nodes[i].second = node.first_primitive();
-      nodes[i].primitives = node.primitive_count();
-    } else {
-      nodes[i].second = node.above_child();
-      nodes[i].axis = node.axis();
+  ParallelFor(0, nodes.size(), 16384, [&](std::size_t first, std::size_t last) {
+    for (std::size_t i = first; i < last; ++i) {
+      const KdNode& node = tree.nodes[i];
+      nodes[i].bounds = tree.node_bounds[i];
+      if (node.IsLeaf()) {
+        nodes[i].second = node.first_primitive();
+        nodes[i].primitives = node.primitive_count();
+      } else {
+        nodes[i].second = node.above_child();
+        nodes[i].axis = node.axis();
+      }
     }
-  }
+  });
   return Collapser(mesh, nodes, tree.primitives).Make();
 }
 
