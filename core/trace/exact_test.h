@@ -21,7 +21,7 @@ struct RoundedRay {
   Vec3d direction;             ///< of LocalRay
   Vec3d origin;                ///< the origin as given, not moved along the ray; local, rounded
   Vec3d origin_low;            ///< what rounding took away
-  double origin_rounding = 0;  ///< bound on |origin_low|
+  double origin_rounding = 0;  ///< bound on |origin_low|; infinite where is_trusted is false
   /// False for rays so far from the mesh's scale that scaling them underflows or overflows.
   bool is_trusted = true;
 
