@@ -174,6 +174,10 @@ TEST_F(TreeLibraryTest, GivesTheMeshsBytesBack) {
 
 TEST_F(TreeLibraryTest, AThousandAtOnceForOneColdMeshGetOneBuild) {
   const auto bytes = SphereBytes(1, 40);
+  // Every upload pledges memory for its mesh while it runs: with less than this, those that come
+  // when a thousand are under way are refused, as they should be.
+  options_.memory_limit_bytes = 1001 * core::EstimatePrepareBytes(bytes.size());
+  Open();
   std::atomic<int> existed{0};
   std::atomic<int> answered{0};
   std::vector<std::thread> clients;
