@@ -31,7 +31,7 @@ def main(folder):
         axis.axhline(1, color="#c0561e", linewidth=0.9)
         axis.set_title(rays, fontsize=9)
         axis.set_xticks(range(len(meshes)), list(meshes), rotation=60, ha="right", fontsize=7)
-    axes[0].set_ylabel("kdray / best of Embree's ten modes")
+    axes[0].set_ylabel("kdray / best mode of Embree", fontsize=8)
     axes[0].legend(fontsize=7)
     figure.suptitle(f"Rays a second, {' and '.join(threads)} thread(s); the line is Embree", fontsize=9)
     figure.savefig(folder / "trace.svg", metadata={"Date": None})
