@@ -33,7 +33,8 @@ enum class Caching : std::uint8_t {
 };
 void SetCaching(HttpResponse& response, const Services& services, Caching caching);
 
-/// A strong validator, quoted, over all that the answer's bytes depend on. The version is added here.
+/// A strong validator, quoted, over all that the answer's bytes depend on. The version is added
+/// here.
 std::string MakeEtag(std::string_view what, std::string_view tree_id, std::string_view query);
 
 /// `tag` as a strong validator.

@@ -1,7 +1,6 @@
 // Scenes for tests: a mesh and one tree over it.
 #pragma once
 
-
 #include <memory>
 #include <stdexcept>
 #include <utility>
