@@ -12,6 +12,7 @@
 #include "core/trace/engine/ray_order.h"
 #include "core/trace/exact_test.h"
 #include "core/trace/query.h"
+#include "core/trace/ray_chunks.h"
 
 namespace kdray::core {
 namespace {
@@ -20,7 +21,6 @@ namespace {
 // (EngineJob::cancel), so a cancelled request ends promptly even in a box of many triangles.
 constexpr std::size_t kBlockRays = 4096;
 constexpr std::size_t kSortedRays = std::size_t{1} << 17;
-constexpr std::size_t kChunkRays = 64;
 
 /// Calls f(corners, test tag) for the mesh's stored number type and the precision.
 template <class Test>
@@ -111,7 +111,6 @@ Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& option
   assert(hits.size() == rays.size() && costs.size() == rays.size());
   const auto binary = scene.tree->Binary(*scene.mesh, BuildOptions{options.cancel});
   if (!binary.ok()) return binary.error();
-  std::atomic<bool> stopped{false};
   const auto trace = [&](const auto& structure, const auto& corners, auto tag, std::size_t i) {
     using Test = typename decltype(tag)::Type;
     costs[i] = {};
@@ -121,22 +120,18 @@ Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& option
     const std::optional<LocalRay> local = MakeLocalRay(ray, scene.mesh->frame());
     hits[i] = local ? FindClosest<Test>(structure, corners, *local, CountCost{&costs[i]}) : Hit{};
   };
+  Status status;
   Dispatch(*scene.mesh, options.precision, [&](const auto& corners, auto tag) {
     std::visit(
         [&](const auto& structure) {
-          ParallelFor(0, rays.size(), kChunkRays, [&](std::size_t first, std::size_t last) {
-            if (stopped.load(std::memory_order_relaxed)) return;
-            if (options.cancel.ShouldStop()) {
-              stopped.store(true, std::memory_order_relaxed);
-              return;
-            }
-            for (std::size_t i = first; i < last; ++i) trace(structure, corners, tag, i);
-          });
+          status =
+              ForEachChunk(rays.size(), options.cancel, [&](std::size_t first, std::size_t last) {
+                for (std::size_t i = first; i < last; ++i) trace(structure, corners, tag, i);
+              });
         },
         **binary);
   });
-  if (stopped) return options.cancel.ToError();
-  return {};
+  return status;
 }
 
 Hit ClosestHit(const Scene& scene, const Ray& ray, Precision precision) {
