@@ -34,6 +34,7 @@ struct Options {
   int side = 512;
   int threads = 1;
   std::string csv;
+  std::string rays;  // only the classes whose names contain it
   bool engines = false;
   bool quick = false;
 };
@@ -344,6 +345,7 @@ void RunMesh(const std::string& name, const Options& options, Report* report) {
       "ratio | double | exact | mismatches a million: fast, watertight, double, exact |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   for (const BenchRays& batch : classes) {
+    if (batch.name.find(options.rays) == std::string::npos) continue;
     const double millions = static_cast<double>(batch.rays.size()) * 1e-6;
     std::vector<std::vector<double>> embree_speed(embree.size()), our_speed(ours.size());
     for (EmbreeMode& mode : embree) mode.Prepare(batch);
@@ -419,6 +421,8 @@ int Main(int argc, char** argv) {
       options.threads = std::atoi(value().c_str());
     } else if (name == "--csv") {
       options.csv = value();
+    } else if (name == "--rays") {
+      options.rays = value();
     } else if (name == "--engines") {
       options.engines = true;
     } else if (name == "--quick") {
