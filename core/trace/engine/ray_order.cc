@@ -46,11 +46,16 @@ unsigned Spread(unsigned v) {  // bits 0..4 to every third
 
 bool IsShuffled(const RayBatch& rays, const Bounds3d& bounds) {
   constexpr std::size_t kSamples = 64;
+  // Multiples of the golden ratio, not of a part of the batch: equal steps can fall on the ends of
+  // all rows of pixels.
+  constexpr double kStep = 0.6180339887498949;
   if (rays.size() < 2) return false;
   const Grid grid(bounds, 4);
   std::size_t alike = 0;
   for (std::size_t s = 0; s < kSamples; ++s) {
-    const std::size_t i = (rays.size() - 1) * s / kSamples;
+    const double at = static_cast<double>(s) * kStep;
+    const std::size_t i = static_cast<std::size_t>((at - std::floor(at)) *
+                                                   static_cast<double>(rays.size() - 1));
     const Ray a = rays[i];
     const Ray b = rays[i + 1];
     bool near = OctantOf(a.direction) == OctantOf(b.direction);
