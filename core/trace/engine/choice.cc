@@ -17,16 +17,15 @@ constexpr std::size_t kWorthSorting = std::size_t{1} << 14;
 void ChooseEngines(const TraceOptions& options, EngineJob* job) {
   job->simd = options.simd.value_or(BestSimdLevel());
   job->prefetch = job->tree->bytes() > kSecondLevelCache;
-  const bool any = job->occluded != nullptr;
   const bool shuffled = IsShuffled(job->rays, job->mesh->bounds());
   job->sort = options.sort.value_or(shuffled && job->rays.size() >= kWorthSorting &&
                                     job->tree->bytes() > kThirdLevelCache);
   job->alike = !shuffled && !options.engine;
-  // The frustum hands on whatever is no packet, and finds that out soon; it knows closest
-  // hits in these precisions only.
+  // The frustum hands on whatever is no packet, and finds that out soon; it knows these precisions
+  // only.
   const Engine otherwise = shuffled ? Engine::kWave : Engine::kHybrid;
   const bool frustum =
-      !any && (job->precision == Precision::kFast || job->precision == Precision::kWatertight);
+      job->precision == Precision::kFast || job->precision == Precision::kWatertight;
   job->engine = options.engine.value_or(frustum ? Engine::kFrustum : otherwise);
 }
 
