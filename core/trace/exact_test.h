@@ -43,7 +43,13 @@ struct RoundedRay {
   /// the other's error.
   static constexpr double kOrigin = 16;
   static constexpr double kUnderflow = 0x1p-1000;
+  /// FindT: a dozen operations of relative error 2^-102 on terms of the sizes it adds up; how much
+  /// of that it takes; and the numerators and denominators below which something may underflow.
+  static constexpr double kStepOfT = 0x1p-97;
+  static constexpr double kMostDoubtOfT = 0x1p-56;
+  static constexpr double kLeastOfT = 0x1p-900;
 
+  RoundedRay() = default;
   explicit RoundedRay(const LocalRay& ray);
 
   Relative RelativeTo(const Vec3d& corner) const {
@@ -209,12 +215,10 @@ inline RoundedRay::RoundedRay(const LocalRay& ray) : direction(ray.direction) {
     numerator_size += normal_size * (std::fabs(a[axis]) + std::fabs(origin[axis]));
     denominator_size += normal_size * std::fabs(direction[axis]);
   }
-  // A dozen operations of relative error 2^-102 on terms of these sizes.
-  constexpr double kStep = 0x1p-97;
-  const double doubt = kStep * (numerator_size / std::fabs(numerator.high) +
-                                denominator_size / std::fabs(denominator.high));
-  if (!(doubt < 0x1p-56 && std::fabs(numerator.high) > 0x1p-900 &&
-        std::fabs(denominator.high) > 0x1p-900)) {
+  const double doubt = kStepOfT * (numerator_size / std::fabs(numerator.high) +
+                                   denominator_size / std::fabs(denominator.high));
+  if (!(doubt < kMostDoubtOfT && std::fabs(numerator.high) > kLeastOfT &&
+        std::fabs(denominator.high) > kLeastOfT)) {
     return false;
   }
   const DoubleDouble quotient = numerator / denominator;
