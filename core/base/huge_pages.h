@@ -13,7 +13,8 @@ namespace kdray::core {
 void* AllocateHuge(std::size_t bytes);
 void FreeHuge(void* memory);
 
-/// For std::vector.
+/// For std::vector. Elements that are made without a value are left as they are: a large vector is
+/// filled by many threads, and to zero it first on one would take as long.
 template <class T>
 struct HugePageAllocator {
   using value_type = T;
@@ -27,6 +28,10 @@ struct HugePageAllocator {
     return static_cast<T*>(AllocateHuge(n * sizeof(T)));
   }
   void deallocate(T* memory, std::size_t) { FreeHuge(memory); }
+  template <class U>
+  void construct(U* at) {
+    ::new (static_cast<void*>(at)) U;
+  }
 
   template <class U>
   friend bool operator==(const HugePageAllocator&, const HugePageAllocator<U>&) {

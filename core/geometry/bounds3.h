@@ -1,7 +1,9 @@
 // Axis-aligned boxes (AABB).
 #pragma once
 
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 #include "core/geometry/vec3.h"
@@ -57,19 +59,19 @@ Bounds3<T> Intersection(const Bounds3<T>& a, const Bounds3<T>& b) {
   return {Max(a.min, b.min), Min(a.max, b.max)};
 }
 
-/// Largest float <= value, and smallest float >= value: boxes are rounded outward, never inward.
-inline float RoundDown(double value) {
-  const float rounded = static_cast<float>(value);
-  return static_cast<double>(rounded) <= value
-             ? rounded
-             : std::nextafter(rounded, -std::numeric_limits<float>::infinity());
+/// The next float above: std::nextafter(x, infinity), which calls the library, for x < infinity.
+inline float NextAbove(float x) {
+  const float positive_zero = x + 0.0f;
+  const std::int32_t bits = std::bit_cast<std::int32_t>(positive_zero);
+  return std::bit_cast<float>(bits + (bits < 0 ? -1 : 1));
 }
+
+/// Largest float <= value, and smallest float >= value: boxes are rounded outward, never inward.
 inline float RoundUp(double value) {
   const float rounded = static_cast<float>(value);
-  return static_cast<double>(rounded) >= value
-             ? rounded
-             : std::nextafter(rounded, std::numeric_limits<float>::infinity());
+  return static_cast<double>(rounded) >= value ? rounded : NextAbove(rounded);
 }
+inline float RoundDown(double value) { return -RoundUp(-value); }
 inline Bounds3f RoundOutward(const Bounds3d& b) {
   return {{RoundDown(b.min.x), RoundDown(b.min.y), RoundDown(b.min.z)},
           {RoundUp(b.max.x), RoundUp(b.max.y), RoundUp(b.max.z)}};
