@@ -9,6 +9,7 @@ namespace kdray::core {
 
 using Float4 = float __attribute__((vector_size(16)));
 using Int4 = std::int32_t __attribute__((vector_size(16)));
+using Unsigned4 = std::uint32_t __attribute__((vector_size(16)));
 
 /// Of 16 bytes at any address.
 inline Float4 Load4(const void* from) {

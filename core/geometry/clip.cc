@@ -105,105 +105,174 @@ Bounds3f ClippedBounds(const std::array<Vec3d, 3>& corners, const Bounds3f& box)
 // rest of 8 delta covers the rounding of the planes and of the widening.
 namespace {
 
-// What all operations may lose below the normal floats.
-constexpr float kUnderflow = 0x1p-140f;
+// More than all operations may lose below the normal floats; normal itself, since processors are
+// slow on others.
+constexpr float kUnderflow = 0x1p-120f;
 
 struct FloatPolygon {
-  Float4 corners[Polygon::kMaxCorners];
+  // One more than it has: each is written before it is known whether it counts.
+  Float4 corners[Polygon::kMaxCorners + 1];
   std::size_t size;
 };
 
-struct Range4 {
-  Float4 low = Fill4(std::numeric_limits<float>::infinity());
-  Float4 high = Fill4(-std::numeric_limits<float>::infinity());
+// All bits of the lane of `axis`.
+Int4 LaneOf(int axis) { return Int4{0, 1, 2, 3} == Int4{axis, axis, axis, axis}; }
 
-  void Add(Float4 p) {
-    low = Min4(low, p);
-    high = Max4(high, p);
-  }
-};
+bool IsAny(Int4 lanes) { return (lanes[0] | lanes[1] | lanes[2]) != 0; }
 
-// f(corner) for the corners of the polygon's part on the inner side of the plane, in order.
-template <class F>
-void ForEachClippedCorner(const FloatPolygon& polygon, int axis, float plane, float side,
-                          const F& f) {
-  Float4 previous = polygon.corners[polygon.size - 1];
-  bool previous_inside = side * (previous[axis] - plane) <= 0;
-  for (std::size_t i = 0; i < polygon.size; ++i) {
-    const Float4 corner = polygon.corners[i];
-    const bool inside = side * (corner[axis] - plane) <= 0;
-    if (inside != previous_inside) {
-      const float fraction = (plane - previous[axis]) / (corner[axis] - previous[axis]);
-      Float4 made = previous + Fill4(fraction) * (corner - previous);
-      made[axis] = plane;
-      f(made);
-    }
-    if (inside) f(corner);
+// Where the edge meets the plane across the axis whose lane is given; anything when it does not.
+Float4 Crossing(Float4 from, Float4 edge, float from_at, float edge_at, float plane, Int4 lane) {
+  const Float4 made = from + Fill4((plane - from_at) / edge_at) * edge;
+  return lane ? Fill4(plane) : made;
+}
+
+// Keeps what lies on the inner side of the plane. Without branches, which could not be foretold,
+// and without writing single lanes, for which the next read would wait.
+void ClipAtPlane(const FloatPolygon& in, int axis, float plane, float side, FloatPolygon* out) {
+  const Int4 lane = LaneOf(axis);
+  Float4 previous = in.corners[in.size - 1];
+  float previous_at = previous[axis];
+  bool previous_inside = side * (previous_at - plane) <= 0;
+  std::size_t size = 0;
+  for (std::size_t i = 0; i < in.size; ++i) {
+    const Float4 corner = in.corners[i];
+    const float at = corner[axis];
+    const bool inside = side * (at - plane) <= 0;
+    out->corners[size] =
+        Crossing(previous, corner - previous, previous_at, at - previous_at, plane, lane);
+    size += static_cast<std::size_t>(inside != previous_inside);
+    out->corners[size] = corner;
+    size += static_cast<std::size_t>(inside);
     previous = corner;
+    previous_at = at;
     previous_inside = inside;
   }
+  out->size = size;
 }
 
-Bounds3f ToBounds(const Range4& range, Float4 slack) {
-  const Float4 low = range.low - slack;
-  const Float4 high = range.high + slack;
-  return {{low[0], low[1], low[2]}, {high[0], high[1], high[2]}};
-}
+// The bounds of a polygon's part on one side of a plane.
+class HalfRange {
+ public:
+  // side 1: below the plane; -1: above.
+  HalfRange(int axis, float plane, float side) : lane_(LaneOf(axis)), plane_(plane), side_(side) {}
+
+  bool IsInside(float at) const { return side_ * (at - plane_) <= 0; }
+  // The next corner, and the edge that leads to it.
+  void Add(Float4 from, Float4 edge, float from_at, float edge_at, bool from_inside, Float4 corner,
+           bool inside) {
+    const Float4 made = Crossing(from, edge, from_at, edge_at, plane_, lane_);
+    Extend(made, inside != from_inside);
+    Extend(corner, inside);
+  }
+  Float4 low() const { return low_; }
+  Float4 high() const { return high_; }
+
+ private:
+  void Extend(Float4 p, bool counts) {
+    const std::int32_t bits = -static_cast<std::int32_t>(counts);
+    const Int4 all = {bits, bits, bits, bits};
+    constexpr float kInf = std::numeric_limits<float>::infinity();
+    low_ = Min4(low_, all ? p : Fill4(kInf));
+    high_ = Max4(high_, all ? p : Fill4(-kInf));
+  }
+
+  Int4 lane_;
+  float plane_;
+  float side_;
+  Float4 low_ = Fill4(std::numeric_limits<float>::infinity());
+  Float4 high_ = Fill4(-std::numeric_limits<float>::infinity());
+};
 
 // Whether a float can tell the places along the triangle apart.
 bool IsResolved(Float4 extent, Float4 largest) {
   constexpr float kResolution = 0x1p-13f;
-  for (int axis = 0; axis < 3; ++axis) {
-    if (extent[axis] < kResolution * largest[axis] && extent[axis] > 0) return false;
-  }
-  return true;
+  return !IsAny((extent < Fill4(kResolution) * largest) & (extent > Fill4(0)));
 }
 
-}  // namespace
+Bounds3f Common(Float4 low, Float4 high, const Bounds3f& a, const Bounds3f& b) {
+  return Intersection(Bounds3f{{low[0], low[1], low[2]}, {high[0], high[1], high[2]}},
+                      Intersection(a, b));
+}
 
-ClippedHalves ClippedHalfBounds(const std::array<Vec3d, 3>& corners, const Bounds3f& box,
-                                const Bounds3f& bounds, int axis, float position) {
+template <class T>
+ClippedHalves HalfBounds(const std::array<Vec3<T>, 3>& corners, const Bounds3f& box,
+                         const Bounds3f& bounds, int axis, float position) {
   FloatPolygon polygons[2];
   FloatPolygon* polygon = &polygons[0];
   FloatPolygon* spare = &polygons[1];
-  Range4 whole;
   for (std::size_t i = 0; i < 3; ++i) {
     polygon->corners[i] = Float4{static_cast<float>(corners[i].x), static_cast<float>(corners[i].y),
                                  static_cast<float>(corners[i].z), 0};
-    whole.Add(polygon->corners[i]);
   }
   polygon->size = 3;
-  const Float4 extent = whole.high - whole.low;
-  const Float4 largest = Max4(whole.high, -whole.low);
+  const Float4* const c = polygon->corners;
+  const Float4 low = Min4(Min4(c[0], c[1]), c[2]);
+  const Float4 high = Max4(Max4(c[0], c[1]), c[2]);
+  const Float4 extent = high - low;
+  const Float4 largest = Max4(high, -low);
   Bounds3f below_box = box;
   Bounds3f above_box = box;
   below_box.max[axis] = position;
   above_box.min[axis] = position;
   if (!IsResolved(extent, largest)) {
-    return {Intersection(ClippedBounds(corners, below_box), bounds),
-            Intersection(ClippedBounds(corners, above_box), bounds)};
+    const std::array<Vec3d, 3> exact = {Vec3d(corners[0]), Vec3d(corners[1]), Vec3d(corners[2])};
+    return {Intersection(ClippedBounds(exact, below_box), bounds),
+            Intersection(ClippedBounds(exact, above_box), bounds)};
   }
 
   const Float4 delta = Fill4(0x1p-21f) * extent + Fill4(0x1p-22f) * largest + Fill4(kUnderflow);
   const Float4 slack = Fill4(8) * delta;
-  for (int k = 0; k < 3; ++k) {
-    for (const float side : {-1.0f, 1.0f}) {
-      const float plane = side < 0 ? box.min[k] : box.max[k];
-      if (side < 0 ? whole.low[k] >= plane : whole.high[k] <= plane) continue;
-      spare->size = 0;
-      ForEachClippedCorner(*polygon, k, plane + side * slack[k], side,
-                           [&](Float4 corner) { spare->corners[spare->size++] = corner; });
+  const Float4 box_low = {box.min.x, box.min.y, box.min.z, 0};
+  const Float4 box_high = {box.max.x, box.max.y, box.max.z, 0};
+  const Int4 leaves_low = low < box_low;
+  const Int4 leaves_high = high > box_high;
+  if (IsAny(leaves_low | leaves_high)) {
+    const auto clip = [&](int k, float plane, float side) {
+      ClipAtPlane(*polygon, k, plane, side, spare);
       std::swap(polygon, spare);
-      if (polygon->size == 0) return {Bounds3f::Empty(), Bounds3f::Empty()};
+      return polygon->size != 0;
+    };
+    for (int k = 0; k < 3; ++k) {
+      if ((leaves_low[k] != 0 && !clip(k, box.min[k] - slack[k], -1)) ||
+          (leaves_high[k] != 0 && !clip(k, box.max[k] + slack[k], 1))) {
+        return {Bounds3f::Empty(), Bounds3f::Empty()};
+      }
     }
   }
 
-  Range4 below, above;
   const float outward = slack[axis];
-  ForEachClippedCorner(*polygon, axis, position + outward, 1.0f, [&](Float4 p) { below.Add(p); });
-  ForEachClippedCorner(*polygon, axis, position - outward, -1.0f, [&](Float4 p) { above.Add(p); });
-  return {Intersection(ToBounds(below, slack), Intersection(bounds, below_box)),
-          Intersection(ToBounds(above, slack), Intersection(bounds, above_box))};
+  HalfRange below(axis, position + outward, 1);
+  HalfRange above(axis, position - outward, -1);
+  Float4 previous = polygon->corners[polygon->size - 1];
+  float previous_at = previous[axis];
+  bool previous_below = below.IsInside(previous_at);
+  bool previous_above = above.IsInside(previous_at);
+  for (std::size_t i = 0; i < polygon->size; ++i) {
+    const Float4 corner = polygon->corners[i];
+    const Float4 edge = corner - previous;
+    const float at = corner[axis];
+    const bool is_below = below.IsInside(at);
+    const bool is_above = above.IsInside(at);
+    below.Add(previous, edge, previous_at, at - previous_at, previous_below, corner, is_below);
+    above.Add(previous, edge, previous_at, at - previous_at, previous_above, corner, is_above);
+    previous = corner;
+    previous_at = at;
+    previous_below = is_below;
+    previous_above = is_above;
+  }
+  return {Common(below.low() - slack, below.high() + slack, bounds, below_box),
+          Common(above.low() - slack, above.high() + slack, bounds, above_box)};
+}
+
+}  // namespace
+
+ClippedHalves ClippedHalfBounds(const std::array<Vec3f, 3>& corners, const Bounds3f& box,
+                                const Bounds3f& bounds, int axis, float position) {
+  return HalfBounds(corners, box, bounds, axis, position);
+}
+ClippedHalves ClippedHalfBounds(const std::array<Vec3d, 3>& corners, const Bounds3f& box,
+                                const Bounds3f& bounds, int axis, float position) {
+  return HalfBounds(corners, box, bounds, axis, position);
 }
 
 }  // namespace kdray::core

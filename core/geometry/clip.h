@@ -24,6 +24,8 @@ struct ClippedHalves {
 /// which are known to contain what triangle and box have in common; much faster, and less tight
 /// where clipping makes corners: 2^-18 in place of 2^-46. (Not for triangles that are so small
 /// beside their coordinates that it would show.) `position` lies within the box.
+ClippedHalves ClippedHalfBounds(const std::array<Vec3f, 3>& corners, const Bounds3f& box,
+                                const Bounds3f& bounds, int axis, float position);
 ClippedHalves ClippedHalfBounds(const std::array<Vec3d, 3>& corners, const Bounds3f& box,
                                 const Bounds3f& bounds, int axis, float position);
 

@@ -32,34 +32,42 @@ PlaneGrid::PlaneGrid(const Bounds3f& bounds) {
 }
 
 void BinnedCounts::Counts::Add(const Counts& other) {
-  for (std::size_t k = 0; k < begin.size(); ++k) {
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      begin[k][axis] += other.begin[k][axis];
-      end[k][axis] += other.end[k][axis];
-      planar[k][axis] += other.planar[k][axis];
-    }
+  const auto add = [](const Bins& from, Bins* to) {
+    for (std::size_t i = 0; i < from.size(); ++i) (*to)[i] += from[i];
+  };
+  add(other.begin, &begin);
+  add(other.end, &end);
+  if (other.any_planar) {
+    if (!any_planar) planar.fill(0);
+    any_planar = true;
+    add(other.planar, &planar);
   }
-  any_planar |= other.any_planar;
 }
 
 BinnedCounts::Counts BinnedCounts::Count(std::span<const Reference> references,
                                          const PlaneGrid& grid) {
+  // Places are small and not negative, so that as unsigned numbers they need not be widened.
+  const auto places = [](Int4 k) {
+    return std::bit_cast<Unsigned4>((k + 1) * 4 + Int4{0, 1, 2, 0});
+  };
   Counts counts;
   for (const Reference& reference : references) {
     // A number that is taken for a float is denormal, and the processor slow on it.
     const Int4 end_lanes = std::bit_cast<Int4>(HighOf(reference)) & Int4{-1, -1, -1, 0};
     const Int4 begin = grid.Floor(LowOf(reference));
     const Int4 end = grid.CeilingLessOne(std::bit_cast<Float4>(end_lanes));
-    const Int4 planar = begin > end;
+    const Unsigned4 begin_places = places(begin);
+    const Unsigned4 end_places = places(end);
     for (int axis = 0; axis < 3; ++axis) {
-      ++counts.begin[static_cast<std::size_t>(begin[axis] + 1)][static_cast<std::size_t>(axis)];
-      ++counts.end[static_cast<std::size_t>(end[axis] + 1)][static_cast<std::size_t>(axis)];
+      ++counts.begin[begin_places[axis]];
+      ++counts.end[end_places[axis]];
     }
+    const Int4 planar = begin > end;
     if ((planar[0] | planar[1] | planar[2]) != 0) {
+      if (!counts.any_planar) counts.planar.fill(0);
       counts.any_planar = true;
       for (int axis = 0; axis < 3; ++axis) {
-        counts.planar[static_cast<std::size_t>(begin[axis] + 1)][static_cast<std::size_t>(axis)] -=
-            static_cast<std::uint32_t>(planar[axis]);
+        counts.planar[begin_places[axis]] -= static_cast<std::uint32_t>(planar[axis]);
       }
     }
   }
@@ -87,46 +95,52 @@ BinnedCounts::BestPlanes BinnedCounts::FindBestPlanes(const std::array<SplitSear
     first[axis] = bounds_.min[axis];
     last[axis] = bounds_.max[axis];
   }
-  const auto load = [](const std::array<std::uint32_t, 4>& v) { return std::bit_cast<Int4>(v); };
-  const auto blocks = [](Int4 n) {  // SahCost::Subtree, unit: a block
+  const auto load = [](const Bins& bins, int k) {
+    return std::bit_cast<Int4>(Load4(&bins[At(k, 0)]));
+  };
+  // SahCost::Subtree; unit: an eighth of a block. Up to two blocks, whole ones.
+  const auto eighths = [](Int4 n) {
     static_assert(SahCost::kBlock == 8);
-    const Int4 up = n + 7;
-    return n <= 16 ? ToFloat4(up >> 3) : ToFloat4(up) * 0.125f;
+    return ToFloat4((n + 7) & ((n > 16) | ~7));
   };
 
   Float4 best_cost = Fill4(std::numeric_limits<float>::infinity());
-  Int4 best_plane = Int4{} - 1, best_below = {}, best_above = {};
-  Int4 below = load(counts_.begin[0]);
-  Int4 above = static_cast<std::int32_t>(triangles_) - load(counts_.end[0]);
-  for (int k = 0; k <= PlaneGrid::kBins; ++k) {
-    const std::size_t bin = static_cast<std::size_t>(k) + 1;
+  Int4 best_plane = Int4{} - 1;
+  Int4 below = load(counts_.begin, -1);
+  Int4 above = static_cast<std::int32_t>(triangles_) - load(counts_.end, -1);
+  const Int4 last_planes = grid_.CeilingLessOne(last);
+  const int planes = std::max({last_planes[0], last_planes[1], last_planes[2]}) + 1;
+  for (int k = 0; k < planes; ++k) {
     const Float4 position = grid_.Position(k);
     const Float4 probability_below = base + slope * (position - low);
     const Float4 probability_above = base + slope * (high - position);
+    const Int4 inside = (position > first) & (position < last);
     const auto consider = [&](Int4 b, Int4 a) {
-      const Float4 tests = probability_below * blocks(b) + probability_above * blocks(a);
-      const Int4 better = (tests < best_cost) & (position > first) & (position < last);
+      const Float4 tests = probability_below * eighths(b) + probability_above * eighths(a);
+      const Int4 better = (tests < best_cost) & inside;
       best_cost = better ? tests : best_cost;
       best_plane = better ? Int4{} + k : best_plane;
-      best_below = better ? below : best_below;
-      best_above = better ? above : best_above;
     };
     if (counts_.any_planar) {
-      const Int4 planar = load(counts_.planar[bin]);
+      const Int4 planar = load(counts_.planar, k);
       consider(below + planar, above);
       consider(below, above + planar);
     } else {
       consider(below, above);
     }
-    below += load(counts_.begin[bin]);
-    above -= load(counts_.end[bin]);
+    below += load(counts_.begin, k);
+    above -= load(counts_.end, k);
   }
 
   BestPlanes best;
   for (std::size_t a = 0; a < 3; ++a) {
     best.plane[a] = best_plane[a];
-    best.below[a] = static_cast<std::uint32_t>(best_below[a]);
-    best.above[a] = static_cast<std::uint32_t>(best_above[a]);
+    best.below[a] = 0;
+    best.above[a] = static_cast<std::uint32_t>(triangles_);
+    for (int k = -1; k < best_plane[a]; ++k) {
+      best.below[a] += counts_.begin[At(k, a)];
+      best.above[a] -= counts_.end[At(k, a)];
+    }
   }
   return best;
 }
@@ -142,9 +156,8 @@ std::optional<SplitCandidate> BinnedCounts::FindSplit(const Bounds3f& cell,
     const std::size_t a = static_cast<std::size_t>(axis);
     axes[a].ConsiderEmptyBelow(bounds_.min[axis]);
     if (best.plane[a] >= 0) {
-      const std::size_t bin = static_cast<std::size_t>(best.plane[a]) + 1;
-      axes[a].Consider(grid_.Position(best.plane[a])[axis], best.below[a], counts_.planar[bin][a],
-                       best.above[a]);
+      const std::uint32_t planar = counts_.any_planar ? counts_.planar[At(best.plane[a], a)] : 0;
+      axes[a].Consider(grid_.Position(best.plane[a])[axis], best.below[a], planar, best.above[a]);
     }
     axes[a].ConsiderEmptyAbove(bounds_.max[axis]);
   }

@@ -61,12 +61,15 @@ class BinnedCounts {
   std::optional<SplitCandidate> FindSplit(const Bounds3f& cell, const SahCost& cost) const;
 
  private:
-  // A lane is an axis.
-  using Bins = std::array<std::array<std::uint32_t, 4>, PlaneGrid::kBins + 2>;
+  // [At(k, axis)]: a number for plane k, -1 included. Four places a plane, one an axis.
+  using Bins = std::array<std::uint32_t, 4 * (PlaneGrid::kBins + 2)>;
+  static std::size_t At(int k, std::size_t axis) {
+    return 4 * static_cast<std::size_t>(k + 1) + axis;
+  }
   struct Counts {
-    Bins begin{};   // [k + 1]: so many begin at plane k or beyond, and before plane k + 1
-    Bins end{};     // [k + 1]: so many end beyond plane k, and at plane k + 1 or before
-    Bins planar{};  // [k + 1]: so many lie in plane k
+    Bins begin{};  // so many begin at plane k or beyond, and before plane k + 1
+    Bins end{};    // so many end beyond plane k, and at plane k + 1 or before
+    Bins planar;   // so many lie in plane k; not set unless there are any
     bool any_planar = false;
 
     void Add(const Counts& other);

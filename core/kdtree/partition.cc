@@ -5,22 +5,15 @@
 
 namespace kdray::core {
 
-namespace {
-
-std::array<Vec3d, 3> LocalCorners(const TriangleMesh& mesh, PrimitiveId id) {
-  const TriangleIndices& indices = mesh.triangles()[id];
-  return mesh.VisitVertices([&](auto vertices) -> std::array<Vec3d, 3> {
-    return {Vec3d(vertices[indices[0]]), Vec3d(vertices[indices[1]]), Vec3d(vertices[indices[2]])};
-  });
-}
-
-}  // namespace
-
 ClippedHalves CutReference(const TriangleMesh& mesh, const Reference& reference,
                            const Bounds3f& cell, const SplitPlane& plane) {
-  // Clip to the cell rather than to the reference's bounds: its faces are fewer, and exact.
-  return ClippedHalfBounds(LocalCorners(mesh, reference.id), cell, reference.bounds, plane.axis,
-                           plane.position);
+  const TriangleIndices& corners = mesh.triangles()[reference.id];
+  return mesh.VisitVertices([&](auto vertices) {
+    // Clip to the cell rather than to the reference's bounds: its faces are fewer, and exact.
+    return ClippedHalfBounds(
+        std::array{vertices[corners[0]], vertices[corners[1]], vertices[corners[2]]}, cell,
+        reference.bounds, plane.axis, plane.position);
+  });
 }
 
 SideCounts CountSides(std::span<const Reference> references, const SplitCandidate& split) {
@@ -32,6 +25,23 @@ SideCounts CountSides(std::span<const Reference> references, const SplitCandidat
   }
   return counts;
 }
+
+namespace {
+
+// Large meshes do not fit the caches: asks early for what the next references will need.
+void PrefetchCorners(const TriangleMesh& mesh, std::span<const Reference> next) {
+  constexpr std::size_t kIndicesAhead = 8;
+  constexpr std::size_t kVerticesAhead = 4;
+  if (next.size() > kIndicesAhead) __builtin_prefetch(&mesh.triangles()[next[kIndicesAhead].id]);
+  if (next.size() <= kVerticesAhead) return;
+  mesh.VisitVertices([&](auto vertices) {
+    for (const std::uint32_t corner : mesh.triangles()[next[kVerticesAhead].id]) {
+      __builtin_prefetch(&vertices[corner]);
+    }
+  });
+}
+
+}  // namespace
 
 SideCounts Distribute(const TriangleMesh& mesh, std::span<const Reference> references,
                       const Bounds3f& cell, const SplitCandidate& split, Reference* below,
@@ -51,10 +61,13 @@ SideCounts Distribute(const TriangleMesh& mesh, std::span<const Reference> refer
     counts.above += (side >> 1) ^ both;
     cut_count += both;
   }
-  for (const Reference& reference : std::span(cut, cut_count)) {
-    const ClippedHalves parts = CutReference(mesh, reference, cell, split.plane);
-    if (!parts.below.IsEmpty()) below[counts.below++] = {parts.below, reference.id};
-    if (!parts.above.IsEmpty()) above[counts.above++] = {parts.above, reference.id};
+  for (std::size_t i = 0; i < cut_count; ++i) {
+    PrefetchCorners(mesh, std::span(cut, cut_count).subspan(i));
+    const ClippedHalves parts = CutReference(mesh, cut[i], cell, split.plane);
+    below[counts.below] = {parts.below, cut[i].id};
+    counts.below += parts.below.IsEmpty() ? 0 : 1;
+    above[counts.above] = {parts.above, cut[i].id};
+    counts.above += parts.above.IsEmpty() ? 0 : 1;
   }
   return counts;
 }
