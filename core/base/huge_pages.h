@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <new>
+#include <type_traits>
 #include <vector>
 
 namespace kdray::core {
@@ -13,11 +14,12 @@ namespace kdray::core {
 void* AllocateHuge(std::size_t bytes);
 void FreeHuge(void* memory);
 
-/// For std::vector. Elements that are made without a value are left as they are: a large vector is
-/// filled by many threads, and to zero it first on one would take as long.
+/// For std::vector. Elements made without a value have none until they are written: a large vector
+/// is filled by many threads, and to fill it first on one would take as long.
 template <class T>
 struct HugePageAllocator {
   using value_type = T;
+  static_assert(std::is_trivially_copyable_v<T>);
 
   HugePageAllocator() = default;
   template <class U>
@@ -29,9 +31,7 @@ struct HugePageAllocator {
   }
   void deallocate(T* memory, std::size_t) { FreeHuge(memory); }
   template <class U>
-  void construct(U* at) {
-    ::new (static_cast<void*>(at)) U;
-  }
+  void construct(U*) {}
 
   template <class U>
   friend bool operator==(const HugePageAllocator&, const HugePageAllocator<U>&) {

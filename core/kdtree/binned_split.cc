@@ -98,11 +98,6 @@ BinnedCounts::BestPlanes BinnedCounts::FindBestPlanes(const std::array<SplitSear
   const auto load = [](const Bins& bins, int k) {
     return std::bit_cast<Int4>(Load4(&bins[At(k, 0)]));
   };
-  // SahCost::Subtree; unit: an eighth of a block. Up to two blocks, whole ones.
-  const auto eighths = [](Int4 n) {
-    static_assert(SahCost::kBlock == 8);
-    return ToFloat4((n + 7) & ((n > 16) | ~7));
-  };
 
   Float4 best_cost = Fill4(std::numeric_limits<float>::infinity());
   Int4 best_plane = Int4{} - 1;
@@ -116,7 +111,8 @@ BinnedCounts::BestPlanes BinnedCounts::FindBestPlanes(const std::array<SplitSear
     const Float4 probability_above = base + slope * (high - position);
     const Int4 inside = (position > first) & (position < last);
     const auto consider = [&](Int4 b, Int4 a) {
-      const Float4 tests = probability_below * eighths(b) + probability_above * eighths(a);
+      const Float4 tests = probability_below * SahCost::SubtreeEighths(b) +
+                           probability_above * SahCost::SubtreeEighths(a);
       const Int4 better = (tests < best_cost) & inside;
       best_cost = better ? tests : best_cost;
       best_plane = better ? Int4{} + k : best_plane;

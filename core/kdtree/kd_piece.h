@@ -57,7 +57,7 @@ struct KdUpperNode {
   KdPiece piece;                              ///< when there are none
 };
 
-/// Puts the pieces together, depth first, into *tree, and frees each.
+/// Puts the pieces together, depth first, into *tree, and frees each. In parallel.
 void Assemble(KdUpperNode* root, KdTree* tree);
 
 }  // namespace kdray::core

@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "core/base/huge_pages.h"
 #include "core/geometry/bounds3.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/local_ray.h"
@@ -24,16 +25,16 @@ struct KdTree {
   static constexpr int kMaxDepth = 64;
 
   Bounds3f bounds =
-      Bounds3f::Empty();      ///< of all triangles in the tree, rounded outward; the root's cell
-  std::vector<KdNode> nodes;  ///< depth first; [0] is the root; never empty
-  std::vector<PrimitiveId> primitives;  ///< the leaves' triangles
+      Bounds3f::Empty();     ///< of all triangles in the tree, rounded outward; the root's cell
+  HugeVector<KdNode> nodes;  ///< depth first; [0] is the root; never empty
+  HugeVector<PrimitiveId> primitives;  ///< the leaves' triangles
 
   /// For each node what its part of the triangles fills: the union, over the leaves below, of the
   /// bounds of each triangle clipped to the leaf's cell; empty where there is none. Every common
   /// point of a triangle and a leaf's closed cell that names it lies in the bounds of the leaf and
   /// of all nodes above it. What a cell is culled by when tighter boxes than the cell are wanted.
   /// Not stored on disk; may be dropped (then empty).
-  std::vector<Bounds3f> node_bounds;
+  HugeVector<Bounds3f> node_bounds;
 
   std::uint64_t bytes() const {
     return nodes.size() * sizeof(KdNode) + node_bounds.size() * sizeof(Bounds3f) +

@@ -29,12 +29,13 @@ class KdTreeBuilder {
     context_.max_depth = KdBuildLimits::MaxDepth(triangles);
 
     KdTree tree;
-    tree.bounds = UnionBounds(references);
+    const Bounds3f bounds = UnionBounds(references);
+    tree.bounds = bounds;
     // Node positions have 30 bits.
     const std::uint64_t weight = std::min<std::uint64_t>(
         KdBuildLimits::kWeightPerTriangle * triangles, KdNode::kMaxIndex / 2);
     KdUpperNode root;
-    BuildTop(std::move(references), {tree.bounds, 0, WeightBudget(weight), 1.0}, &root);
+    BuildTop({std::move(references), bounds}, {bounds, 0, WeightBudget(weight), 1.0}, &root);
 
     const Status status = monitor_.Finish();
     if (!status.ok()) return status.error();
@@ -43,13 +44,13 @@ class KdTreeBuilder {
   }
 
  private:
-  void BuildTop(ReferenceArray references, const KdBuildTask& task, KdUpperNode* node) {
-    if (references.size() <= KdBuildLimits::kTopReferences) {
-      node->piece = KdSubtreeBuilder(context_).Build(references, task);
+  void BuildTop(Share share, const KdBuildTask& task, KdUpperNode* node) {
+    if (share.references.size() <= KdBuildLimits::kTopReferences) {
+      node->piece = KdSubtreeBuilder(context_).Build(share.references, task);
       return;
     }
-    KdSubtreeBuilder::NodeFacts facts{UnionBounds(references), {}};
-    BuildTop(std::move(references), task, &facts, node);
+    KdSubtreeBuilder::NodeFacts facts{share.bounds, {}};
+    BuildTop(std::move(share.references), task, &facts, node);
   }
 
   void BuildTop(ReferenceArray references, const KdBuildTask& task,
@@ -70,11 +71,12 @@ class KdTreeBuilder {
       CutOffEmptySpace(std::move(references), task, facts, *split, node);
       return;
     }
-    ReferenceArray below, above;
+    Share below, above;
     DistributeInParallel(context_.mesh, references, task.cell, *split, &below, &above);
     references = {};
 
-    const auto [below_task, above_task] = task.Divide(split->plane, below.size(), above.size());
+    const auto [below_task, above_task] =
+        task.Divide(split->plane, below.references.size(), above.references.size());
     node->plane = split->plane;
     node->below = std::make_unique<KdUpperNode>();
     node->above = std::make_unique<KdUpperNode>();

@@ -80,6 +80,7 @@ struct Places {
   std::size_t first = 0;
   std::size_t count = 0;
   std::size_t used = 0;
+  Bounds3f bounds;  // of what is in them
 };
 
 // Moves references from the end into the places that are not used. What is moved depends on the
@@ -100,11 +101,16 @@ std::size_t CloseGaps(std::span<const Places> chunks, Reference* references) {
   return total;
 }
 
+void Finish(std::span<const Places> chunks, Share* share) {
+  share->references.Shorten(CloseGaps(chunks, share->references.data()));
+  for (const Places& places : chunks) share->bounds.Extend(places.bounds);
+}
+
 }  // namespace
 
 void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> references,
-                          const Bounds3f& cell, const SplitCandidate& split, ReferenceArray* below,
-                          ReferenceArray* above) {
+                          const Bounds3f& cell, const SplitCandidate& split, Share* below,
+                          Share* above) {
   // Each chunk gets the places that CountSides() promises; the gaps that clipping leaves are closed
   // at the end.
   const std::size_t chunks = ReferenceChunks(references.size());
@@ -118,9 +124,15 @@ void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> r
     below_places[c].first = below_places[c - 1].first + below_places[c - 1].count;
     above_places[c].first = above_places[c - 1].first + above_places[c - 1].count;
   }
-  *below = ReferenceArray(below_places.back().first + below_places.back().count);
-  *above = ReferenceArray(above_places.back().first + above_places.back().count);
+  below->references = ReferenceArray(below_places.back().first + below_places.back().count);
+  above->references = ReferenceArray(above_places.back().first + above_places.back().count);
 
+  // While a chunk is in the cache, its copy and its bounds cost little.
+  const auto place = [](std::span<const Reference> from, Places* places, Share* to) {
+    std::copy(from.begin(), from.end(), to->references.data() + places->first);
+    places->used = from.size();
+    places->bounds = UnionBounds(from);
+  };
   ForEachReferenceChunk(references, [&](std::span<const Reference> chunk, std::size_t c) {
     // Distribute() writes beyond what it keeps.
     ReferenceArray scratch(3 * chunk.size());
@@ -128,13 +140,11 @@ void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> r
     Reference* const chunk_above = chunk_below + chunk.size();
     const SideCounts used =
         Distribute(mesh, chunk, cell, split, chunk_below, chunk_above, chunk_above + chunk.size());
-    std::copy_n(chunk_below, used.below, below->data() + below_places[c].first);
-    std::copy_n(chunk_above, used.above, above->data() + above_places[c].first);
-    below_places[c].used = used.below;
-    above_places[c].used = used.above;
+    place({chunk_below, used.below}, &below_places[c], below);
+    place({chunk_above, used.above}, &above_places[c], above);
   });
-  below->Shorten(CloseGaps(below_places, below->data()));
-  above->Shorten(CloseGaps(above_places, above->data()));
+  Finish(below_places, below);
+  Finish(above_places, above);
 }
 
 }  // namespace kdray::core

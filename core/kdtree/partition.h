@@ -48,10 +48,16 @@ SideCounts Distribute(const TriangleMesh& mesh, std::span<const Reference> refer
                       const Bounds3f& cell, const SplitCandidate& split, Reference* below,
                       Reference* above, Reference* cut);
 
+/// A child's references, and the union of their bounds.
+struct Share {
+  ReferenceArray references;
+  Bounds3f bounds = Bounds3f::Empty();
+};
+
 /// The same for large nodes: in parallel, into arrays of its own, in an order that depends on the
 /// references alone.
 void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> references,
-                          const Bounds3f& cell, const SplitCandidate& split, ReferenceArray* below,
-                          ReferenceArray* above);
+                          const Bounds3f& cell, const SplitCandidate& split, Share* below,
+                          Share* above);
 
 }  // namespace kdray::core

@@ -87,6 +87,9 @@ class SplitSearch {
     }
 
     const SplitProbability& probability() const { return probability_; }
+    /// The cell's ends, when the probability is valid.
+    float low() const { return low_; }
+    float high() const { return high_; }
 
     /// A plane with so many triangles reaching below it, in it, and reaching above it; those that
     /// cross it count twice. Planes that are not strictly inside the cell are passed over.

@@ -34,12 +34,7 @@ void SweepBuilder::Build(std::span<const Reference> references, const KdBuildTas
   Counts counts;
   for (int axis = 0; axis < 3; ++axis) {
     std::vector<SplitEvent>& events = events_[static_cast<std::size_t>(axis)];
-    events.clear();
-    for (std::uint32_t slot = 0; slot < slots_.size(); ++slot) {
-      const Bounds3f& bounds = slots_[slot].bounds;
-      AppendEvents(bounds.min[axis], bounds.max[axis], slot, &events);
-    }
-    std::sort(events.begin(), events.end());
+    sorter_.Sort(references, axis, &events);
     counts[static_cast<std::size_t>(axis)] = events.size();
   }
   BuildNode(references.size(), counts, task);

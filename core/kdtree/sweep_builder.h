@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/kdtree/event_sort.h"
 #include "core/kdtree/kd_build_task.h"
 #include "core/kdtree/kd_piece.h"
 #include "core/kdtree/partition.h"
@@ -53,6 +54,7 @@ class SweepBuilder {
   // A stack of sorted lists for each axis: the node's, beneath it those of the above children that
   // wait.
   EventLists events_;
+  EventSorter sorter_;
 
   // Only while a node is split.
   std::vector<unsigned char> sides_;      // by slot: bits of Side; 0 for those that the plane cuts

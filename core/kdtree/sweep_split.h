@@ -5,9 +5,11 @@
 #include <compare>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
+#include "core/base/float4.h"
 #include "core/kdtree/split.h"
 
 namespace kdray::core {
@@ -37,6 +39,27 @@ class SplitEvent {
   std::uint32_t OrderedPosition() const { return static_cast<std::uint32_t>(key_ >> 32); }
 
   friend auto operator<=>(const SplitEvent&, const SplitEvent&) = default;
+
+  /// Four events side by side.
+  class Four {
+   public:
+    explicit Four(const SplitEvent* events) {
+      static_assert(sizeof(SplitEvent) == 8 && std::endian::native == std::endian::little);
+      const Int4 first = std::bit_cast<Int4>(Load4(events));
+      const Int4 second = std::bit_cast<Int4>(Load4(events + 2));
+      low_ = __builtin_shufflevector(first, second, 0, 2, 4, 6);
+      high_ = __builtin_shufflevector(first, second, 1, 3, 5, 7);
+    }
+    Float4 positions() const {
+      constexpr std::int32_t kSignBit = std::numeric_limits<std::int32_t>::min();
+      return std::bit_cast<Float4>(high_ ^ (~(high_ >> 31) | kSignBit));
+    }
+    /// -1 where it is one; 0 elsewhere.
+    Int4 are_starts() const { return low_ >> 31; }
+
+   private:
+    Int4 low_, high_;  // halves of the keys
+  };
 
  private:
   static constexpr std::uint32_t kSign = 0x80000000u;

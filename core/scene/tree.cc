@@ -5,6 +5,7 @@
 #include <thread>
 #include <utility>
 
+#include "core/base/parallel.h"
 #include "core/box/box_list_builder.h"
 #include "core/bvh/bvh_builder.h"
 #include "core/kdtree/kd_tree_builder.h"
@@ -85,8 +86,9 @@ Tree FinishTree(const TriangleMesh& mesh, BuildKind kind, const BinaryTree& bina
   tree.build = kind;
   std::visit(
       [&](const auto& structure) {
-        tree.stats = ComputeStats(structure, cost);
-        tree.wide = Collapse(mesh, structure);
+        // The sums of the statistics go through the nodes in their order, so on one thread.
+        ParallelInvoke([&] { tree.wide = Collapse(mesh, structure); },
+                       [&] { tree.stats = ComputeStats(structure, cost); });
       },
       binary);
   tree.stats.bytes = tree.bytes();
@@ -137,9 +139,10 @@ std::uint64_t EstimateBuildBytes(std::size_t triangle_count, BuildKind kind) {
   // its children.
   constexpr std::uint64_t kSubtree =
       3 * kWeight * (sizeof(Reference) + kFinished) + 2 * 2 * sizeof(Reference);
-  // SweepBuilder: slots, sides and six events; events of one node kept, and made anew.
+  // SweepBuilder: slots, sides and six events; events of one node kept, and made anew; two more
+  // while they are sorted.
   constexpr std::uint64_t kSweep =
-      3 * (kWeight * (sizeof(Reference) + 1 + 6 * sizeof(SplitEvent)) + 16 * sizeof(SplitEvent));
+      3 * (kWeight * (sizeof(Reference) + 1 + 6 * sizeof(SplitEvent)) + 18 * sizeof(SplitEvent));
   const std::uint64_t scratch = serial * kSubtree +
                                 std::min(n, threads * KdBuildLimits::kSweepReferences) * kSweep +
                                 std::min(n, threads * kReferenceChunk) * 3 * sizeof(Reference);

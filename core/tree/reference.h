@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/base/float4.h"
+#include "core/base/huge_pages.h"
 #include "core/base/parallel.h"
 #include "core/geometry/bounds3.h"
 #include "core/geometry/hit.h"
@@ -43,8 +44,7 @@ class ReferenceArray {
  public:
   ReferenceArray() = default;
   explicit ReferenceArray(std::size_t size)
-      : references_(static_cast<Reference*>(::operator new(size * sizeof(Reference)))),
-        size_(size) {}
+      : references_(static_cast<Reference*>(AllocateHuge(size * sizeof(Reference)))), size_(size) {}
 
   Reference* data() { return references_.get(); }
   const Reference* data() const { return references_.get(); }
@@ -58,7 +58,7 @@ class ReferenceArray {
 
  private:
   struct Free {
-    void operator()(Reference* references) const { ::operator delete(references); }
+    void operator()(Reference* references) const { FreeHuge(references); }
   };
   static_assert(std::is_trivially_copyable_v<Reference>);
 

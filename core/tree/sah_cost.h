@@ -3,6 +3,8 @@
 
 #include <cstddef>
 
+#include "core/base/float4.h"
+
 namespace kdray::core {
 
 /// The cost model of the SAH builds; unit: one traversal step. A leaf is tested in blocks of
@@ -37,6 +39,12 @@ struct SahCost {
   double Subtree(std::size_t triangles) const {
     if (triangles <= 2 * kBlock) return Leaf(triangles);
     return intersection * static_cast<double>(triangles + kBlock - 1) / kBlock;
+  }
+
+  /// Subtree() of four numbers at once; unit: an eighth of a block's cost. Exact up to 2^24.
+  static Float4 SubtreeEighths(Int4 triangles) {
+    static_assert(kBlock == 8);
+    return ToFloat4((triangles + 7) & ((triangles > 16) | ~7));
   }
 
   /// A node with two children. A ray through the node meets each child with the given probability.

@@ -347,10 +347,14 @@ TEST(Distribute, GivesTheSameInParallelAndDropsPartsThatAreEmpty) {
 
   core::Arena arena(4);
   arena.Run([&] {
-    core::ReferenceArray array_below, array_above;
-    DistributeInParallel(mesh, references, cell, split, &array_below, &array_above);
-    std::vector<Reference> parallel_below(array_below.begin(), array_below.end());
-    std::vector<Reference> parallel_above(array_above.begin(), array_above.end());
+    core::Share share_below, share_above;
+    DistributeInParallel(mesh, references, cell, split, &share_below, &share_above);
+    EXPECT_EQ(share_below.bounds, core::UnionBounds(below));
+    EXPECT_EQ(share_above.bounds, core::UnionBounds(above));
+    std::vector<Reference> parallel_below(share_below.references.begin(),
+                                          share_below.references.end());
+    std::vector<Reference> parallel_above(share_above.references.begin(),
+                                          share_above.references.end());
     // In another order, since each piece of the work puts those that are cut last.
     for (std::vector<Reference>* v : {&below, &above, &parallel_below, &parallel_above}) {
       std::ranges::sort(*v, {}, &Reference::id);
