@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
 
 namespace kdray::core {
 
@@ -41,26 +42,37 @@ void PrefetchCorners(const TriangleMesh& mesh, std::span<const Reference> next) 
   });
 }
 
+// yes where `which` is 1, no where it is 0: without a branch, which a compiler may make of ?:.
+Reference* Choose(unsigned which, Reference* yes, Reference* no) {
+  const std::uintptr_t a = reinterpret_cast<std::uintptr_t>(yes);
+  const std::uintptr_t b = reinterpret_cast<std::uintptr_t>(no);
+  return reinterpret_cast<Reference*>(b ^ ((a ^ b) & (std::uintptr_t{0} - which)));
+}
+
 }  // namespace
 
 SideCounts Distribute(const TriangleMesh& mesh, std::span<const Reference> references,
                       const Bounds3f& cell, const SplitCandidate& split, Reference* below,
                       Reference* above, Reference* cut) {
-  SideCounts counts;
-  std::size_t cut_count = 0;
-  for (std::size_t i = 0; i < references.size(); ++i) {
-    // Each is written to all three places and stays in one: branches could not be foretold.
-    const Float4 low = LowOf(references[i]);
-    const Float4 high = HighOf(references[i]);
-    const unsigned side = static_cast<unsigned>(SideOf(references[i], split));
-    const unsigned both = side & side >> 1;
-    StoreReference(low, high, &below[counts.below]);
-    StoreReference(low, high, &above[counts.above]);
-    StoreReference(low, high, &cut[cut_count]);
-    counts.below += (side & 1u) ^ both;
-    counts.above += (side >> 1) ^ both;
-    cut_count += both;
+  // Each is written once, to a place that is computed: branches could not be foretold.
+  Reference* below_end = below;
+  Reference* above_end = above;
+  Reference* cut_end = cut;
+  for (const Reference& reference : references) {
+    const Float4 low = LowOf(reference);
+    const Float4 high = HighOf(reference);
+    const unsigned side = static_cast<unsigned>(SideOf(reference, split));
+    const unsigned is_below = side & 1u;
+    const unsigned is_above = side >> 1;
+    const unsigned is_cut = is_below & is_above;
+    StoreReference(low, high, Choose(is_cut, cut_end, Choose(is_above, above_end, below_end)));
+    below_end += is_below ^ is_cut;
+    above_end += is_above ^ is_cut;
+    cut_end += is_cut;
   }
+  SideCounts counts{static_cast<std::size_t>(below_end - below),
+                    static_cast<std::size_t>(above_end - above)};
+  const std::size_t cut_count = static_cast<std::size_t>(cut_end - cut);
   for (std::size_t i = 0; i < cut_count; ++i) {
     PrefetchCorners(mesh, std::span(cut, cut_count).subspan(i));
     const ClippedHalves parts = CutReference(mesh, cut[i], cell, split.plane);
@@ -127,21 +139,18 @@ void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> r
   below->references = ReferenceArray(below_places.back().first + below_places.back().count);
   above->references = ReferenceArray(above_places.back().first + above_places.back().count);
 
-  // While a chunk is in the cache, its copy and its bounds cost little.
-  const auto place = [](std::span<const Reference> from, Places* places, Share* to) {
-    std::copy(from.begin(), from.end(), to->references.data() + places->first);
-    places->used = from.size();
-    places->bounds = UnionBounds(from);
+  const auto note = [](std::size_t used, Places* places, const Share& share) {
+    places->used = used;
+    // While they are in the cache.
+    places->bounds = UnionBounds(std::span(share.references).subspan(places->first, used));
   };
   ForEachReferenceChunk(references, [&](std::span<const Reference> chunk, std::size_t c) {
-    // Distribute() writes beyond what it keeps.
-    ReferenceArray scratch(3 * chunk.size());
-    Reference* const chunk_below = scratch.data();
-    Reference* const chunk_above = chunk_below + chunk.size();
+    ReferenceArray cut(chunk.size());
     const SideCounts used =
-        Distribute(mesh, chunk, cell, split, chunk_below, chunk_above, chunk_above + chunk.size());
-    place({chunk_below, used.below}, &below_places[c], below);
-    place({chunk_above, used.above}, &above_places[c], above);
+        Distribute(mesh, chunk, cell, split, below->references.data() + below_places[c].first,
+                   above->references.data() + above_places[c].first, cut.data());
+    note(used.below, &below_places[c], *below);
+    note(used.above, &above_places[c], *above);
   });
   Finish(below_places, below);
   Finish(above_places, above);

@@ -18,13 +18,12 @@ enum class Side : unsigned char { kBelow = 1, kAbove = 2, kBoth = 3 };
 /// Where a reference goes at a cut. A triangle that ends in the plane needs no reference on the
 /// other side: the rays that meet it there touch the plane and visit both.
 inline Side SideOf(const Reference& reference, const SplitCandidate& split) {
-  const float low = reference.bounds.min[split.plane.axis];
-  const float high = reference.bounds.max[split.plane.axis];
-  const float position = split.plane.position;
-  const unsigned below = low < position;
-  const unsigned above = high > position;
-  const unsigned planar = (below | above) ^ 1u;
-  return static_cast<Side>(below | above << 1 | planar << (split.planar_below ? 0 : 1));
+  const unsigned below = reference.bounds.min[split.plane.axis] < split.plane.position;
+  const unsigned above = reference.bounds.max[split.plane.axis] > split.plane.position;
+  const unsigned planar_below = split.planar_below;
+  // Where it is neither it is planar.
+  return static_cast<Side>((below | (planar_below & ~above)) |
+                           (above | ((planar_below ^ 1u) & ~below & 1u)) << 1);
 }
 
 /// The two parts of a reference that a cut goes through, each clipped to its child's cell; a part
@@ -41,9 +40,9 @@ struct SideCounts {
 SideCounts CountSides(std::span<const Reference> references, const SplitCandidate& split);
 
 /// Hands the references of `cell` to its children and clips those that the plane cuts: first the
-/// others in their order, then these. `below` and `cut` have room for all references, and overlap
-/// nothing; `above` too, but it may also be where the references are, which are then gone. The
-/// result says how much of `below` and `above` was used.
+/// others in their order, then these. `below` and `above` have room for as many as CountSides()
+/// says, `cut` for all; they overlap nothing, but `above` may also be where the references are,
+/// which are then gone. The result says how much of `below` and `above` was used.
 SideCounts Distribute(const TriangleMesh& mesh, std::span<const Reference> references,
                       const Bounds3f& cell, const SplitCandidate& split, Reference* below,
                       Reference* above, Reference* cut);
