@@ -29,18 +29,26 @@ PlaneGrid::PlaneGrid(const Bounds3f& bounds) {
     spacing_[axis] = static_cast<float>(PowerOfTwo(exponent));
     first_[axis] = static_cast<std::int32_t>(std::floor(low * scale_[axis]));
   }
+  const Int4 last = Floor(Float4{bounds.max.x, bounds.max.y, bounds.max.z, 0});
+  planes_ = std::clamp(std::max({last[0], last[1], last[2]}) + 1, 0, kBins + 1);
+}
+
+BinnedCounts::Counts::Counts(const PlaneGrid& grid) : places(At(grid.planes(), 0)) {
+  std::fill_n(begin.begin(), places, 0u);
+  std::fill_n(end.begin(), places, 0u);
+}
+
+void BinnedCounts::Counts::AddPlanar(std::size_t place, std::uint32_t number) {
+  if (!any_planar) std::fill_n(planar.begin(), places, 0u);
+  any_planar = true;
+  planar[place] += number;
 }
 
 void BinnedCounts::Counts::Add(const Counts& other) {
-  const auto add = [](const Bins& from, Bins* to) {
-    for (std::size_t i = 0; i < from.size(); ++i) (*to)[i] += from[i];
-  };
-  add(other.begin, &begin);
-  add(other.end, &end);
-  if (other.any_planar) {
-    if (!any_planar) planar.fill(0);
-    any_planar = true;
-    add(other.planar, &planar);
+  for (std::size_t i = 0; i < places; ++i) {
+    begin[i] += other.begin[i];
+    end[i] += other.end[i];
+    if (other.any_planar) AddPlanar(i, other.planar[i]);
   }
 }
 
@@ -50,7 +58,7 @@ BinnedCounts::Counts BinnedCounts::Count(std::span<const Reference> references,
   const auto places = [](Int4 k) {
     return std::bit_cast<Unsigned4>((k + 1) * 4 + Int4{0, 1, 2, 0});
   };
-  Counts counts;
+  Counts counts(grid);
   for (const Reference& reference : references) {
     // A number that is taken for a float is denormal, and the processor slow on it.
     const Int4 end_lanes = std::bit_cast<Int4>(HighOf(reference)) & Int4{-1, -1, -1, 0};
@@ -64,10 +72,8 @@ BinnedCounts::Counts BinnedCounts::Count(std::span<const Reference> references,
     }
     const Int4 planar = begin > end;
     if ((planar[0] | planar[1] | planar[2]) != 0) {
-      if (!counts.any_planar) counts.planar.fill(0);
-      counts.any_planar = true;
       for (int axis = 0; axis < 3; ++axis) {
-        counts.planar[begin_places[axis]] -= static_cast<std::uint32_t>(planar[axis]);
+        counts.AddPlanar(begin_places[axis], static_cast<std::uint32_t>(-planar[axis]));
       }
     }
   }
@@ -103,9 +109,7 @@ BinnedCounts::BestPlanes BinnedCounts::FindBestPlanes(const std::array<SplitSear
   Int4 best_plane = Int4{} - 1;
   Int4 below = load(counts_.begin, -1);
   Int4 above = static_cast<std::int32_t>(triangles_) - load(counts_.end, -1);
-  const Int4 last_planes = grid_.CeilingLessOne(last);
-  const int planes = std::max({last_planes[0], last_planes[1], last_planes[2]}) + 1;
-  for (int k = 0; k < planes; ++k) {
+  for (int k = 0; k < grid_.planes(); ++k) {
     const Float4 position = grid_.Position(k);
     const Float4 probability_below = base + slope * (position - low);
     const Float4 probability_above = base + slope * (high - position);

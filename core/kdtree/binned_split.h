@@ -38,11 +38,14 @@ class PlaneGrid {
     return truncated - first_ - 1 - (ToFloat4(truncated) < scaled);
   }
   Float4 Position(int k) const { return ToFloat4(first_ + k) * spacing_; }
+  /// Planes 0 to planes() - 1 lie at the bounds or in them on some axis, and no others.
+  int planes() const { return planes_; }
 
  private:
   Float4 scale_ = Fill4(0);
   Float4 spacing_ = Fill4(0);
   Int4 first_ = {};
+  int planes_ = 0;
 };
 
 /// How many of a node's references begin and end between the planes of its grid. Made once, also
@@ -67,11 +70,15 @@ class BinnedCounts {
     return 4 * static_cast<std::size_t>(k + 1) + axis;
   }
   struct Counts {
-    Bins begin{};  // so many begin at plane k or beyond, and before plane k + 1
-    Bins end{};    // so many end beyond plane k, and at plane k + 1 or before
-    Bins planar;   // so many lie in plane k; not set unless there are any
+    std::size_t places = 0;  // that are in use in each of the three; the others have no value
+    Bins begin;              // so many begin at plane k or beyond, and before plane k + 1
+    Bins end;                // so many end beyond plane k, and at plane k + 1 or before
+    Bins planar;             // so many lie in plane k; without values unless there are any
     bool any_planar = false;
 
+    Counts() = default;
+    explicit Counts(const PlaneGrid& grid);
+    void AddPlanar(std::size_t place, std::uint32_t number);
     void Add(const Counts& other);
   };
   // The cheapest plane of each axis, as far as floats can tell.
