@@ -2,9 +2,9 @@
 // one thread and on two; and how builds and queries grow with the mesh, against the lecture note's
 // claims (a build in n log^2 n or better, a query in log n).
 //
-// Options: --mesh NAME (may be repeated; default: all five), --runs N (default 7; 3 where a mesh
-// has more than two million triangles), --threads N (may be repeated; default: 1 and 2), --csv
-// FILE; --scaling [--most TRIANGLES] for the growth instead.
+// Options: --mesh NAME (may be repeated; default: all five), --runs N (default 7; builds without a
+// target and large meshes run less), --threads N (may be repeated; default: 1 and 2), --csv FILE;
+// --scaling [--most TRIANGLES] [--runs N] for the growth instead.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -67,13 +67,19 @@ std::string Text(const char* format, auto... values) {
   return text;
 }
 
+// How often a builder runs: those that have a target as often as asked, the others less, since the
+// slowest take ten times as long; large meshes less, since one run already takes many seconds.
+int RunsOf(const std::string& builder, std::size_t triangles, int asked) {
+  constexpr std::size_t kLarge = 2'000'000;
+  const bool has_target =
+      builder.starts_with("Embree") || builder == "kd-sah" || builder == "kd-binned";
+  const int most = triangles > kLarge ? (has_target ? 3 : 1) : (has_target ? asked : 3);
+  return std::min(most, asked);
+}
+
 void Compare(const std::string& mesh_name, const Options& options, std::ostream* csv) {
-  constexpr std::size_t kFewRunsAbove = 2'000'000;
-  constexpr int kFewRuns = 3;
   const BenchMesh bench = LoadBenchMesh(mesh_name);
   const TriangleMesh mesh = TriangleMesh::Create(bench.data).value();
-  const int runs =
-      mesh.triangle_count() > kFewRunsAbove ? std::min(kFewRuns, options.runs) : options.runs;
 
   std::vector<Row> rows = {{"Embree MEDIUM", {}, ""}, {"Embree HIGH", {}, ""}};
   for (const BuildKind kind : core::kAllBuildKinds)
@@ -81,9 +87,11 @@ void Compare(const std::string& mesh_name, const Options& options, std::ostream*
   for (const int threads : options.threads) {
     core::Arena arena(threads);
     for (Row& row : rows) row.seconds.emplace_back();
-    // The first round warms up caches and allocators.
-    for (int run = -1; run < runs; ++run) {
+    // The first round warms up caches and allocators, for those that run more than once.
+    for (int run = -1; run < options.runs; ++run) {
       for (std::size_t i = 0; i < rows.size(); ++i) {
+        const int runs = RunsOf(rows[i].name, mesh.triangle_count(), options.runs);
+        if (run < 0 ? runs == 1 : run >= runs) continue;
         double seconds = 0;
         if (i < 2) {
           const auto quality = i == 0 ? RTC_BUILD_QUALITY_MEDIUM : RTC_BUILD_QUALITY_HIGH;
@@ -109,19 +117,19 @@ void Compare(const std::string& mesh_name, const Options& options, std::ostream*
     }
   }
 
-  std::printf("\n### %s, %zu triangles: median of %d (least to most), milliseconds\n\n",
-              bench.name.c_str(), mesh.triangle_count(), runs);
-  std::printf("| build |");
+  std::printf("\n#### %s, %zu triangles: milliseconds, median (least to most)\n\n",
+              bench.name.c_str(), mesh.triangle_count());
+  std::printf("| build | runs |");
   for (const int threads : options.threads)
     std::printf(" %d thread%s |", threads, threads == 1 ? "" : "s");
   std::printf(" to MEDIUM | to HIGH | speed-up | tree |\n|---|");
-  for (std::size_t i = 0; i < options.threads.size() + 4; ++i) std::printf("---|");
+  for (std::size_t i = 0; i < options.threads.size() + 5; ++i) std::printf("---|");
   std::printf("\n");
   const auto median = [&](std::size_t row, std::size_t t) {
     return SpreadOf(rows[row].seconds[t]).median;
   };
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    std::printf("| %s |", rows[i].name.c_str());
+    std::printf("| %s | %zu |", rows[i].name.c_str(), rows[i].seconds.front().size());
     for (const std::vector<double>& seconds : rows[i].seconds) {
       const Spread s = SpreadOf(seconds);
       std::printf(" %.1f (%.1f to %.1f) |", s.median * 1e3, s.low * 1e3, s.high * 1e3);
@@ -181,51 +189,55 @@ std::vector<core::RayF> RandomRays(const core::Bounds3d& bounds, std::size_t cou
   return rays;
 }
 
+// Median of `runs` times, after one that warms up; of a single run nothing comes before.
+double MedianSeconds(int runs, const auto& work) {
+  if (runs > 1) work();
+  std::vector<double> seconds;
+  for (int run = 0; run < runs; ++run) seconds.push_back(SecondsOf(work));
+  return SpreadOf(seconds).median;
+}
+
 Point Measure(const std::shared_ptr<const TriangleMesh>& mesh, BuildKind kind, int runs) {
-  // A box tests every triangle, so large ones would take all day.
-  constexpr std::size_t kBoxTests = 200'000'000;
+  // A box tests every triangle, so with as many rays as the others it would take all day.
+  constexpr std::size_t kRays = 50'000;
+  constexpr std::size_t kLeastRays = 8;
+  constexpr std::size_t kBoxTests = 25'000'000;
+  const std::size_t triangles = mesh->triangle_count();
+  const std::size_t rays =
+      kind == BuildKind::kBox ? std::clamp(kBoxTests / triangles, kLeastRays, kRays) : kRays;
+
   core::Arena arena(1);
   Point point;
-  point.triangles = static_cast<double>(mesh->triangle_count());
-  std::vector<double> seconds;
+  point.triangles = static_cast<double>(triangles);
   std::shared_ptr<const core::Tree> tree;
-  for (int run = 0; run <= runs; ++run) {
-    seconds.push_back(
-        SecondsOf([&] { tree = std::make_shared<core::Tree>(Build(*mesh, kind, arena)); }));
-  }
-  seconds.erase(seconds.begin());
-  point.build_seconds = SpreadOf(seconds).median;
+  point.build_seconds =
+      MedianSeconds(runs, [&] { tree = std::make_shared<core::Tree>(Build(*mesh, kind, arena)); });
 
-  const std::size_t rays = kind == BuildKind::kBox
-                               ? std::max<std::size_t>(8, kBoxTests / mesh->triangle_count() / 8)
-                               : 50'000;
-  const std::vector<core::RayF> batch =
-      RandomRays(mesh->bounds(), std::min<std::size_t>(rays, 50'000));
+  const std::vector<core::RayF> batch = RandomRays(mesh->bounds(), rays);
   const core::Scene scene{mesh, tree};
-  std::vector<core::Hit> hits(batch.size());
-  std::vector<core::TraceCost> costs(batch.size());
-  seconds.clear();
+  const core::TraceOptions options{core::Precision::kWatertight, {}};
+  std::vector<core::Hit> hits(rays);
+  std::vector<core::TraceCost> costs(rays);
   arena.Run([&] {
-    for (int run = 0; run <= runs; ++run) {
-      seconds.push_back(SecondsOf([&] {
-        (void)core::TraceClosest(scene, std::span<const core::RayF>(batch),
-                                 {core::Precision::kWatertight, {}}, hits);
-      }));
-    }
-    (void)core::TraceCostly(scene, std::span<const core::RayF>(batch),
-                            {core::Precision::kWatertight, {}}, hits, costs);
+    const std::span<const core::RayF> all(batch);
+    point.ray_seconds =
+        MedianSeconds(runs, [&] { (void)core::TraceClosest(scene, all, options, hits); }) /
+        static_cast<double>(rays);
+    (void)core::TraceCostly(scene, all, options, hits, costs);
   });
-  seconds.erase(seconds.begin());
-  point.ray_seconds = SpreadOf(seconds).median / static_cast<double>(batch.size());
   for (const core::TraceCost& cost : costs) point.nodes += cost.nodes_visited;
-  point.nodes /= static_cast<double>(batch.size());
+  point.nodes /= static_cast<double>(rays);
   return point;
 }
 
 void MeasureGrowth(const Options& options, std::ostream* csv) {
+  // Two sizes a factor of ten, both ends included.
+  constexpr double kLeast = 1000;
+  const double factor = std::max(1.0, static_cast<double>(options.most) / kLeast);
+  const int steps = std::max(1, static_cast<int>(std::lround(2 * std::log10(factor))));
   std::vector<std::vector<Point>> points(core::kAllBuildKinds.size());
-  for (double wanted = 1000; wanted <= 1.01 * static_cast<double>(options.most);
-       wanted *= std::sqrt(10.0)) {
+  for (int step = 0; step <= steps; ++step) {
+    const double wanted = kLeast * std::pow(factor, static_cast<double>(step) / steps);
     const int frequency = static_cast<int>(std::lround(std::sqrt(wanted / 20)));
     const auto mesh =
         std::make_shared<const TriangleMesh>(TriangleMesh::Create(FoldedSphere(frequency)).value());
@@ -243,7 +255,7 @@ void MeasureGrowth(const Options& options, std::ostream* csv) {
   }
 
   const auto log_n = [](const Point& p) { return std::log2(p.triangles); };
-  std::printf("\n### Growth, one thread, folded spheres of %.0f to %.0f triangles\n\n",
+  std::printf("\n#### Growth, one thread, folded spheres of %.0f to %.0f triangles\n\n",
               points[0].front().triangles, points[0].back().triangles);
   std::printf(
       "| build | time ~ n^p: p | ns per n log2 n: first, last | ray ~ n^p: p | ray = a + b log2 n: "

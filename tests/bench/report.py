@@ -1,4 +1,4 @@
-"""Turns what the benchmarks found into tables and plots: report.py tradeoff|images CSV COMMAND
+"""Turns what the benchmarks found into tables and plots: report.py tradeoff|images CSV COMMAND, report.py build FOLDER COMMAND
 
 Writes the section of that name in tests/bench/README.md, between its two marks, and the plots into docs/.
 """
@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections import defaultdict
 from math import exp, log
+from statistics import median
 
 import matplotlib
 
@@ -226,7 +227,88 @@ is a pixel through which the background shows although the mesh covers it and it
 """)
 
 
+# ---- Builds ----
+
+SAH_TARGET, BINNED_TARGET, SPEED_UP_TARGET = 1.3, 3.0, 1.7
+EMBREE_COLORS = {"Embree HIGH": "#5c677d", "Embree MEDIUM": "#adb5bd"}
+
+
+def grouped_bars(axes, groups, series, colors, lines):
+    """series: a value for each group, by name. lines: heights and their colours."""
+    width = 0.8 / len(series)
+    for i, (name, values) in enumerate(series.items()):
+        places = [k + (i - len(series) / 2 + 0.5) * width for k in range(len(groups))]
+        bars = axes.bar(places, values, width * 0.92, label=name, color=colors[i])
+        axes.bar_label(bars, [f"{value:.2f}" for value in values], fontsize=6, padding=1)
+    axes.set_xticks(range(len(groups)), groups, fontsize=8)
+    axes.grid(axis="x", visible=False)
+    for height, color in lines:
+        axes.axhline(height, color=color, linestyle="--", linewidth=0.9)
+    axes.set_ylim(0, 1.25 * axes.get_ylim()[1])  # room for the legend
+
+
+def build(folder, command):
+    with open(os.path.join(folder, "build.csv"), newline="") as file:
+        rows = list(csv.DictReader(file))
+    with open(os.path.join(folder, "growth.csv"), newline="") as file:
+        growth = list(csv.DictReader(file))
+    tables = []
+    for name in ("build.md", "growth.md"):
+        with open(os.path.join(folder, name)) as file:
+            tables.append(file.read().split("\n", 1)[1].strip())  # the first line names the machine, as conditions() does
+
+    taken = defaultdict(list)
+    for row in rows:
+        taken[row["mesh"], row["builder"], int(row["threads"])].append(float(row["seconds"]))
+    meshes = list(dict.fromkeys(row["mesh"] for row in rows))
+    threads = sorted({int(row["threads"]) for row in rows})
+
+    def ratio(mesh, above, below):
+        return median(taken[mesh, *above]) / median(taken[mesh, *below])
+
+    figure, ((beside, speed_up), (building, tracing)) = plt.subplots(2, 2, figsize=(11, 7.5))
+    sah, binned = BUILD_COLORS["kd-sah"], BUILD_COLORS["kd-binned"]
+    least, most = threads[0], threads[-1]
+    grouped_bars(beside, meshes, {
+        "kd-sah to Embree HIGH": [ratio(mesh, ("kd-sah", least), ("Embree HIGH", least)) for mesh in meshes],
+        "kd-binned to Embree MEDIUM": [ratio(mesh, ("kd-binned", least), ("Embree MEDIUM", least)) for mesh in meshes],
+    }, (sah, binned), [(SAH_TARGET, sah), (BINNED_TARGET, binned)])
+    beside.set(title=f"Build time beside Embree's, threads: {least}", ylabel="ratio (dashed: at most)")
+    beside.legend(fontsize=8, loc="upper center", ncols=2)
+    grouped_bars(speed_up, meshes, {
+        builder: [ratio(mesh, (builder, least), (builder, most)) for mesh in meshes]
+        for builder in ("kd-sah", "kd-binned", "Embree HIGH", "Embree MEDIUM")
+    }, (sah, binned, *EMBREE_COLORS.values()), [(SPEED_UP_TARGET, "black")])
+    speed_up.set(title=f"Times as fast with threads: {most}", ylabel="speed-up (dashed: at least)")
+    speed_up.legend(fontsize=8, loc="upper center", ncols=4)
+
+    for builder in BUILDS:
+        mine = [row for row in growth if row["build"] == builder]
+        triangles = [int(row["triangles"]) for row in mine]
+        style = {"color": BUILD_COLORS[builder], "marker": "o", "markersize": 3, "linewidth": 1.2, "label": builder}
+        building.plot(triangles, [float(row["build_seconds"]) * 1e9 / int(row["triangles"]) for row in mine], **style)
+        tracing.plot(triangles, [float(row["ray_seconds"]) * 1e9 for row in mine], **style)
+    building.set(xscale="log", yscale="log", xlabel="triangles", ylabel="nanoseconds a triangle",
+                 title="How builds grow (1 thread)")
+    tracing.set(xscale="log", yscale="log", xlabel="triangles", ylabel="nanoseconds a random ray",
+                title="How rays get slower (1 thread)")
+    tracing.legend(fontsize=8, ncols=2, loc="upper left")
+    save(figure, "build.svg")
+    write_section("build", f"""
+{conditions(command)} Times contain the collapse to the wide tree.
+
+![Build time beside Embree's, speed-up, growth of builds and of rays](../../docs/build.svg)
+
+{tables[0]}
+
+{tables[1]}
+""")
+
+
 if __name__ == "__main__":
     what, path, said = sys.argv[1:]
+    if what == "build":
+        build(path, said)
+        sys.exit()
     with open(path, newline="") as source:
         {"tradeoff": tradeoff, "images": images}[what](list(csv.DictReader(source)), said)
