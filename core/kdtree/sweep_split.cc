@@ -82,7 +82,8 @@ BestEvent FindBest(std::span<const SplitEvent> events, std::size_t triangles,
 // ends, so one running sum gives both counts.
 class FourAtATime {
  public:
-  static constexpr std::size_t kMost = 512;  // events
+  static constexpr std::size_t kMost = 512;    // events
+  static constexpr double kSteepest = 0x1p60;  // slope of a probability
 
   FourAtATime(std::span<const SplitEvent> events, std::size_t triangles,
               const SplitSearch::Axis& candidates)
@@ -123,7 +124,6 @@ class FourAtATime {
   // Whether floats can hold the numbers.
   static bool IsSuitable(std::span<const SplitEvent> events, std::size_t triangles,
                          const SplitProbability& probability) {
-    constexpr double kSteepest = 0x1p60;
     return events.size() == 2 * triangles && events.size() <= kMost && probability.IsValid() &&
            probability.slope() < kSteepest;
   }

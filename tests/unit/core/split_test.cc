@@ -11,6 +11,7 @@
 
 #include "core/base/parallel.h"
 #include "core/kdtree/binned_split.h"
+#include "core/kdtree/event_sort.h"
 #include "core/kdtree/note_split.h"
 #include "core/kdtree/partition.h"
 #include "core/kdtree/sweep_split.h"
@@ -113,11 +114,60 @@ TEST(SplitEvent, OrdersByPositionThenEndPlanarStartThenSlot) {
   for (std::size_t i = 0; i + 1 < ordered.size(); ++i) EXPECT_LT(ordered[i], ordered[i + 1]) << i;
 }
 
+TEST(EventSorter, SortsAsComparisonsDo) {
+  std::mt19937_64 engine = RandomEngine(26);
+  core::EventSorter sorter;
+  for (const std::size_t count : {0u, 1u, 9u, 256u, 3000u}) {
+    std::vector<Reference> references(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      references[i].id = static_cast<core::PrimitiveId>(i);
+      for (int axis = 0; axis < 3; ++axis) {
+        // Few places, so that many are equal; both signs, both zeros, and some planar.
+        const float low = static_cast<float>(static_cast<int>(engine() % 15) - 7) * 0x1p-130f;
+        references[i].bounds.min[axis] = engine() % 2 == 0 ? low : -low;
+        references[i].bounds.max[axis] =
+            references[i].bounds.min[axis] + static_cast<float>(engine() % 3) * 0.25f;
+      }
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      std::vector<SplitEvent> expected;
+      for (std::uint32_t slot = 0; slot < count; ++slot) {
+        SplitEvent events[2];
+        const std::size_t made = core::MakeEvents(references[slot].bounds.min[axis],
+                                                  references[slot].bounds.max[axis], slot, events);
+        expected.insert(expected.end(), events, events + made);
+      }
+      std::ranges::sort(expected);
+      std::vector<SplitEvent> sorted;
+      sorter.Sort(references, axis, &sorted);
+      ASSERT_EQ(sorted, expected) << count << " references, axis " << axis;
+    }
+  }
+}
+
+// None is planar; some reach beyond the unit cell.
+std::vector<Reference> ScatteredReferences(std::mt19937_64& engine, std::size_t count) {
+  std::uniform_real_distribution<float> place(-0.05f, 1.0f);
+  std::uniform_real_distribution<float> width(0x1p-20f, 0.1f);
+  std::vector<Reference> references(count);
+  for (Reference& reference : references) {
+    for (int axis = 0; axis < 3; ++axis) {
+      reference.bounds.min[axis] = place(engine);
+      reference.bounds.max[axis] = reference.bounds.min[axis] + width(engine);
+    }
+  }
+  return references;
+}
+
 TEST(SweepAxis, FindsWhatCountingAnewAtEveryEndFinds) {
   std::mt19937_64 engine = RandomEngine(1);
   const SahCost cost{1, 1.5, 0.8};
+  const std::vector<double> costs = SubtreeCosts(cost, 256);
   for (int trial = 0; trial < 2000; ++trial) {
-    const std::vector<Reference> references = GridReferences(engine, 1 + engine() % 40);
+    // With planar triangles and equal places, or without any.
+    const std::vector<Reference> references = trial % 2 == 0
+                                                  ? GridReferences(engine, 1 + engine() % 40)
+                                                  : ScatteredReferences(engine, 1 + engine() % 256);
     SplitSearch sweep(cost, kUnitCell, references.size());
     SplitSearch plain(cost, kUnitCell, references.size());
     for (int axis = 0; axis < 3; ++axis) {
@@ -131,7 +181,7 @@ TEST(SweepAxis, FindsWhatCountingAnewAtEveryEndFinds) {
         ends.insert(ends.end(), {low, high});
       }
       std::sort(events.begin(), events.end());
-      SweepAxis(events, axis, references.size(), SubtreeCosts(cost, 40), &sweep);
+      SweepAxis(events, axis, references.size(), costs, &sweep);
       ConsiderAll(references, axis, ends, &plain);
     }
     // Planes of equal cost are tried in another order.

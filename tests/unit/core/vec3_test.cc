@@ -3,7 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <limits>
 #include <vector>
+
+#include "core/geometry/bounds3.h"
 
 namespace kdray::core {
 namespace {
@@ -46,6 +50,27 @@ TEST(Vec3, ArraysConvertedToFloatAndBackHaveFloatsNumbers) {
   std::vector<double> rounded = exact;
   RoundAll(&rounded);
   for (std::size_t i = 0; i < exact.size(); ++i) ASSERT_TRUE(IsRounded(rounded[i], exact[i])) << i;
+}
+
+TEST(RoundUp, GivesTheNeighbouringFloatsOnBothSides) {
+  constexpr float kInf = std::numeric_limits<float>::infinity();
+  for (const float x : {0.0f, -0.0f, 1.0f, -1.0f, 0x1p-149f, -0x1p-149f, 0x1p-126f, -0x1p-126f,
+                        0x1.fffffep127f, -0x1.fffffep127f, 0x1.fffffep-1f}) {
+    const double exact = static_cast<double>(x);
+    EXPECT_EQ(RoundUp(exact), x);
+    EXPECT_EQ(RoundDown(exact), x);
+    // A little more or less than a float, which rounds to it.
+    const double above = std::nextafter(exact, 1e300);
+    const double below = std::nextafter(exact, -1e300);
+    EXPECT_EQ(RoundUp(above), std::nextafter(x, kInf)) << x;
+    EXPECT_EQ(RoundDown(above), x) << x;
+    EXPECT_EQ(RoundDown(below), std::nextafter(x, -kInf)) << x;
+    EXPECT_EQ(RoundUp(below), x) << x;
+  }
+  EXPECT_EQ(RoundUp(1e39), kInf);
+  EXPECT_EQ(RoundDown(1e39), 0x1.fffffep127f);
+  EXPECT_EQ(RoundUp(-1e39), -0x1.fffffep127f);
+  EXPECT_EQ(RoundDown(-1e39), -kInf);
 }
 
 }  // namespace
