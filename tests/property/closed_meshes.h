@@ -34,8 +34,9 @@ ClosedMesh MakeClosedMesh(std::string name, core::MeshData data);
 
 /// Spheres of several kinds and a cube around the origin, of size 1.
 std::vector<ClosedMesh> GeneratedClosedMeshes();
-/// Closed meshes of the collection (tests/support/mesh_files.h): three scans, or, when there are
-/// more rays than usual, every file that MANIFEST.csv calls a clean solid and core reads.
+/// Closed meshes of the collection (tests/support/mesh_files.h): three scans and one of several
+/// parts, or, when there are more rays than usual, every file that MANIFEST.csv calls a clean
+/// solid.
 std::vector<std::string> ClosedCollectionFiles();
 
 /// Strictly inside, away from the surface by a tenth of the stretch it lies on.

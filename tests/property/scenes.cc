@@ -9,6 +9,7 @@
 #include "core/io/mesh_reader.h"
 #include "core/trace/brute_force.h"
 #include "core/trace/trace.h"
+#include "tests/support/gltf_mesh.h"
 #include "tests/support/mesh_files.h"
 
 namespace kdray::test {
@@ -92,7 +93,9 @@ TraceOptions With(Precision precision) {
 }
 
 MeshData ReadCollectionMesh(std::string_view file) {
-  Result<MeshData> data = ReadMesh(ReadFileBytes(*MeshFolder() / file));
+  const std::vector<std::byte> bytes = ReadFileBytes(*MeshFolder() / file);
+  if (file.ends_with(".glb") || file.ends_with(".gltf")) return ReadGltf(bytes);
+  Result<MeshData> data = ReadMesh(bytes);
   if (!data) throw std::runtime_error(data.error().message);
   return *std::move(data);
 }

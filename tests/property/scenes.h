@@ -29,7 +29,7 @@ core::TraceOptions With(core::Precision precision);
 std::vector<core::TraceOptions> WaysToTrace(core::Precision precision);
 std::string Describe(const core::TraceOptions& way);
 
-/// From the collection (tests/support/mesh_files.h).
+/// From the collection (tests/support/mesh_files.h), in any of its formats.
 core::MeshData ReadCollectionMesh(std::string_view file);
 
 /// A point strictly inside a closed mesh: halfway between the first two surfaces that a ray through

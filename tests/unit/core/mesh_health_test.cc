@@ -15,6 +15,7 @@
 
 #include "core/io/mesh_reader.h"
 #include "tests/support/csv.h"
+#include "tests/support/gltf_mesh.h"
 #include "tests/support/mesh_files.h"
 #include "tests/support/seed.h"
 
@@ -257,9 +258,11 @@ TEST(MeshHealth, AgreesWithTheCollection) {
   int read = 0;
   for (const test::CsvRow& row : test::ReadCsv(*test::MeshFolder() / "MANIFEST.csv")) {
     const std::string& file = row.at("file");
-    if (row.at("format") == "glb" || row.at("format") == "gltf") continue;
     SCOPED_TRACE(file);
-    const Result<MeshData> data = ReadMesh(test::ReadFileBytes(*test::MeshFolder() / file));
+    if (file == "mode5_strips.gltf") continue;  // the tests' reader has no strips
+    const std::vector<std::byte> bytes = test::ReadFileBytes(*test::MeshFolder() / file);
+    const bool is_gltf = row.at("format") == "glb" || row.at("format") == "gltf";
+    const Result<MeshData> data = is_gltf ? test::ReadGltf(bytes) : ReadMesh(bytes);
     ASSERT_TRUE(data.ok());
     if (data->triangles.size() < 50000) ExpectPlainCounts(*data);
     const Result<TriangleMesh> mesh = TriangleMesh::Create(*data);
