@@ -39,9 +39,10 @@ std::size_t CountWrong(const ClosedMesh& mesh, const std::vector<Ray>& rays, std
 }
 
 /// `is_convex`: then a ray crosses the mesh once from inside, and at most twice.
-void ExpectParity(const ClosedMesh& mesh, bool is_convex, std::uint64_t stream) {
+void ExpectParity(const ClosedMesh& mesh, bool is_convex, std::uint64_t stream,
+                  std::size_t count = RaysAMesh()) {
   auto engine = RandomEngine(stream);
-  const std::size_t each = RaysAMesh() / 6;
+  const std::size_t each = count / 6;
   std::size_t rays = 0, wrong = 0;
   for (const auto& family : {VertexRays, EdgeRays, AxisRaysThroughVertices}) {
     for (std::size_t done = 0; done < each;) {
@@ -66,11 +67,13 @@ TEST(N21, ParityIsRightThroughEdgesAndVerticesOfGeneratedMeshes) {
                false, 2103);
 }
 
-TEST(N21, ParityIsRightThroughEdgesAndVerticesOfScans) {
+TEST(N21, ParityIsRightThroughEdgesAndVerticesOfTheCollectionsClosedMeshes) {
   KDRAY_NEED_MESHES();
   std::uint64_t stream = 2110;
-  for (const char* file : {"bunny_7k.off", "screwdriver_bigendian.ply", "armadillo_86k.ply"})
-    ExpectParity(MakeClosedMesh(file, ReadCollectionMesh(file)), false, stream++);
+  const std::vector<std::string> files = ClosedCollectionFiles();
+  const std::size_t count = 4 * RaysAMesh() / files.size();
+  for (const std::string& file : files)
+    ExpectParity(MakeClosedMesh(file, ReadCollectionMesh(file)), false, stream++, count);
 }
 
 // Every line through two points of a lattice on which the corners of the solids lie too, so that
