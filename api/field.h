@@ -84,6 +84,7 @@ std::optional<FieldValue> Fetch(const T& member) {
     return std::vector<std::int64_t>{member.x0, member.y0, member.x1, member.y1};
   } else if constexpr (IsVector<T>::value) {
     std::vector<std::int64_t> indices;
+    indices.reserve(member.size());
     for (const auto choice : member) indices.push_back(static_cast<std::int64_t>(choice));
     return indices;
   } else {

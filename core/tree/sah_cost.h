@@ -30,7 +30,8 @@ struct SahCost {
 
   /// A leaf with so many triangles.
   double Leaf(std::size_t triangles) const {
-    return intersection * static_cast<double>((triangles + kBlock - 1) / kBlock);
+    const std::size_t blocks = (triangles + kBlock - 1) / kBlock;
+    return intersection * static_cast<double>(blocks);
   }
 
   /// So many triangles of which it is open whether they will be split further. Up to two blocks

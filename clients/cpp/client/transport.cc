@@ -135,7 +135,7 @@ HttpResponse Transport::Send(const HttpRequest& request) {
           return refused_body.size() < (1 << 20);
         });
   };
-  const httplib::Result result = exchange();
+  httplib::Result result = exchange();
   callback.Rethrow();
   if (!result) {
     const std::string where = options_.server.Text();
@@ -149,7 +149,7 @@ HttpResponse Transport::Send(const HttpRequest& request) {
 
   HttpResponse response;
   response.status = result->status;
-  response.body = refused_body.empty() ? result->body : std::move(refused_body);
+  response.body = std::move(refused_body.empty() ? result->body : refused_body);
   for (const auto& [name, value] : result->headers)
     response.headers.emplace(LowerCase(name), value);
   return response;

@@ -11,9 +11,9 @@ class Fields {
   explicit Fields(const Json& object) : object_(object) {}
 
   Fields operator[](const char* name) const {
-    static const Json kNothing = Json::object();
+    static const Json nothing = Json::object();
     const Json* field = Find(name);
-    return Fields(field && field->is_object() ? *field : kNothing);
+    return Fields(field && field->is_object() ? *field : nothing);
   }
 
   std::string Text(const char* name) const {

@@ -8,9 +8,9 @@ namespace kdray::client {
 namespace {
 
 const Json& At(const Json& object, const char* name) {
-  static const Json kNothing;
+  static const Json nothing;
   const auto field = object.is_object() ? object.find(name) : object.end();
-  return field == object.end() ? kNothing : *field;
+  return field == object.end() ? nothing : *field;
 }
 
 std::string Number(const Json& value, double scale = 1, int digits = 3) {
