@@ -279,8 +279,8 @@ TreeStats ComputeStats(const Bvh& bvh, const SahCost& cost) {
       continue;
     }
     weighed_cost += Area(node.bounds) * cost.traversal;
-    pending.push_back({node.offset, depth + 1});
-    pending.push_back({index + 1, depth + 1});
+    pending.emplace_back(node.offset, depth + 1);
+    pending.emplace_back(index + 1, depth + 1);
   }
   if (whole > 0) stats.sah_cost = weighed_cost / whole;
   return stats;

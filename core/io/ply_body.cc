@@ -131,7 +131,7 @@ bool PlyBinaryBody::ReadIndex(PlyType type, std::int64_t* index) {
   if (!Has(SizeOf(type))) return false;
   switch (type) {
     case PlyType::kInt8:
-      *index = static_cast<std::int64_t>(Take<std::int8_t>());
+      *index = Take<std::int8_t>();  // NOLINT(bugprone-signed-char-misuse): a number, with its sign
       return true;
     case PlyType::kUint8:
       *index = Take<std::uint8_t>();
