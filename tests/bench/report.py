@@ -1,4 +1,4 @@
-"""Turns what the benchmarks found into tables and plots: report.py tradeoff|images CSV COMMAND, report.py build FOLDER COMMAND
+"""Turns what the benchmarks found into tables and plots: report.py tradeoff|images|mismatches CSV COMMAND, report.py build FOLDER COMMAND
 
 Writes the section of that name in tests/bench/README.md, between its two marks, and the plots into docs/.
 """
@@ -305,10 +305,37 @@ def build(folder, command):
 """)
 
 
+# ---- Mismatches ----
+
+KINDS = {
+    ("kdray", "lost", "inner"): "kdray lets the ray through between two triangles; Embree and `exact` hit one of them",
+    ("kdray", "extra", "outline"): "kdray hits a triangle that the ray passes by at an outline",
+    ("kdray", "lost", "outline"): "kdray passes by a triangle that the ray hits at an outline",
+    ("Embree", "lost", "inner"): "Embree lets the ray through between two triangles; kdray and `exact` hit one of them",
+    ("Embree", "extra", "outline"): "Embree hits a triangle that the ray passes by at an outline; kdray misses it, as `exact` does",
+    ("Embree", "lost", "outline"): "Embree passes by a triangle that the ray hits at an outline; kdray hits it, as `exact` does",
+}
+
+
+def mismatches(rows, command):
+    groups = defaultdict(list)
+    for row in rows:
+        kind = row["wrong"], row["what"], row["edge"]
+        groups[KINDS.get(kind, ", ".join(kind)), row["mesh"], row["rays"], row["of"], row["precision"]].append(float(row["ulps"]))
+    lines = [[mesh, rays, precision, f"{len(ulps)} of {int(of):,}", kind, f"{max(ulps):.2g}"]
+             for (kind, mesh, rays, of, precision), ulps in groups.items()]
+    write_section("mismatches", f"""
+{conditions(command)} The last column is the largest distance of the ray from the nearest edge of the triangle in question, in
+ulps of a float at the mesh's largest coordinate.
+
+{table(['mesh', 'rays', 'precision', 'differ', 'how', 'ulps from the edge'], lines)}
+""")
+
+
 if __name__ == "__main__":
     what, path, said = sys.argv[1:]
     if what == "build":
         build(path, said)
         sys.exit()
     with open(path, newline="") as source:
-        {"tradeoff": tradeoff, "images": images}[what](list(csv.DictReader(source)), said)
+        {"tradeoff": tradeoff, "images": images, "mismatches": mismatches}[what](list(csv.DictReader(source)), said)

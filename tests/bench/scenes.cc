@@ -256,6 +256,11 @@ EmbreeScene::~EmbreeScene() {
   rtcReleaseDevice(device_);
 }
 
+bool IsMismatch(double ours, double theirs) {
+  if (std::isinf(ours) || std::isinf(theirs)) return std::isinf(ours) != std::isinf(theirs);
+  return std::fabs(ours - theirs) > 1e-3 * std::fabs(theirs);
+}
+
 Spread SpreadOf(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   return {values[values.size() / 2], values.front(), values.back()};

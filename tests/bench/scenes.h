@@ -77,6 +77,10 @@ class EmbreeScene {
   std::size_t bytes_ = 0;
 };
 
+/// Whether two distances along a ray, infinite for a miss, are a mismatch: hit and miss, or apart
+/// by more than 1e-3 of `theirs`.
+bool IsMismatch(double ours, double theirs);
+
 /// Median, smallest and largest.
 struct Spread {
   double median = 0, low = 0, high = 0;

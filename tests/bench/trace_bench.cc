@@ -244,11 +244,8 @@ Mismatches Compare(const KdrayMode& ours, const EmbreeMode& robust, std::size_t 
   for (std::size_t i = 0; i < size; ++i) {
     const double a = ours.Distance(i);
     const double b = robust.Distance(i);
-    if (std::isinf(a) != std::isinf(b)) {
-      ++found.hit_or_miss;
-    } else if (!std::isinf(a) && std::fabs(a - b) > 1e-3 * std::fabs(b)) {
-      ++found.distance;
-    }
+    if (!IsMismatch(a, b)) continue;
+    ++(std::isinf(a) != std::isinf(b) ? found.hit_or_miss : found.distance);
   }
   return found;
 }
