@@ -25,7 +25,7 @@ std::shared_ptr<Measurements::Task> Measurements::Begin(const Sha256Digest& mesh
 
 bool Measurements::End(const std::shared_ptr<Task>& task, Result<MeasuredTradeoff> measured) {
   const std::lock_guard lock(mutex_);
-  if (task->done) return false;
+  if (task->done_) return false;
   const auto entry = entries_.find(task->mesh);
   const bool is_wanted = measured.ok();
   entry->second = {nullptr, std::move(measured)};
@@ -40,10 +40,10 @@ Result<std::optional<Measurements::Info>> Measurements::Wait(const Sha256Digest&
   const auto entry = entries_.find(mesh);
   if (entry == entries_.end()) return std::optional<Info>();
   if (const std::shared_ptr<Task> task = entry->second.task) {
-    while (!task->done && SteadyClock::now() < until && !cancel.ShouldStop()) {
+    while (!task->done_ && SteadyClock::now() < until && !cancel.ShouldStop()) {
       landed_.wait_until(lock, std::min(until, SteadyClock::now() + kLookAgain));
     }
-    if (!task->done) return std::optional(Info{std::nullopt, task->progress.fraction()});
+    if (!task->done_) return std::optional(Info{std::nullopt, task->progress.fraction()});
   }
   const auto ended = entries_.find(mesh);  // it may have been forgotten, or begun again
   if (ended == entries_.end()) return std::optional<Info>();
@@ -83,7 +83,7 @@ void Measurements::Stop() {
 }
 
 void Measurements::Land(Task* task) {
-  task->done = true;
+  task->done_ = true;
   landed_.notify_all();
 }
 

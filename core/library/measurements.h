@@ -28,7 +28,7 @@ class Measurements {
 
    private:
     friend class Measurements;
-    bool done = false;
+    bool done_ = false;
   };
 
   struct Info {
