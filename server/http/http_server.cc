@@ -28,13 +28,13 @@
 #include <cstring>
 #include <ctime>
 #include <exception>
-#include <new>
 #include <thread>
 #include <utility>
 #include <variant>
 
 #include "server/http/connection_pool.h"
 #include "server/http/departure_watch.h"
+#include "server/http/exchange.h"
 
 namespace kdray::server {
 namespace {
@@ -62,121 +62,6 @@ std::string HttpDate() {
                 utc.tm_min, utc.tm_sec);
   return text;
 }
-
-/// One request and its answer on a connection.
-class Exchange final : public HttpPeer {
- public:
-  Exchange(Connection& connection, DepartureWatch& watch, const PaceLimit& body_pace)
-      : connection_(connection), watch_(watch), body_pace_(body_pace) {}
-
-  void Accept(RequestHead head) {
-    body_size_ = head.content_length;
-    expects_continue_ = head.expects_continue;
-    keep_alive_ = head.keep_alive;
-    SetRequest(std::move(head));
-    request_.peer = this;
-    connection_.BeginBody(body_size_, body_pace_);
-  }
-  void Refuse(RefusedHead refused) {
-    SetRequest(std::move(refused.known));
-    refusal_ = std::move(refused.problem);
-  }
-
-  /// Asks the handler; whatever it throws becomes an answer without the text.
-  void Answer(HttpHandler& handler) {
-    try {
-      response_ = refusal_ ? handler.Refuse(request_, *refusal_) : handler.Handle(request_);
-    } catch (const std::bad_alloc&) {
-      response_ = handler.Refuse(request_, Problem{.code = ErrorCode::kMemoryFull,
-                                                   .detail = "there was no memory for this request",
-                                                   .retry_after_s = 1});
-    } catch (const std::exception& error) {
-      response_ = handler.Refuse(request_, InternalProblem());
-      response_.cause = error.what();
-    } catch (...) {
-      response_ = handler.Refuse(request_, InternalProblem());
-      response_.cause = "an exception of unknown type";
-    }
-    // After an error nothing more is believed of the connection; unread bytes of a body are not the
-    // next request.
-    response_.close = response_.close || response_.status >= 400 || !keep_alive_ ||
-                      refusal_.has_value() || connection_.body_left() > 0;
-  }
-
-  bool is_head() const { return request_.method == "HEAD"; }
-  HttpResponse& response() { return response_; }
-
-  HttpRecord Record(Clock::time_point start) const {
-    HttpRecord record;
-    record.method = request_.method;
-    record.path = request_.path;
-    record.remote_addr = request_.remote_addr;
-    record.request_id = response_.headers.Find("X-Request-Id").value_or("");
-    record.error_code = response_.error_code;
-    record.cause = response_.cause;
-    record.status = response_.status;
-    record.bytes_in = body_size_ - connection_.body_left();
-    record.bytes_out = connection_.written();
-    record.ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-    record.complete = complete_;
-    return record;
-  }
-  void set_complete(bool complete) { complete_ = complete; }
-  void set_remote_addr(std::string addr) { request_.remote_addr = std::move(addr); }
-
-  // HttpPeer
-  std::uint64_t body_size() const override { return body_size_; }
-
-  api::Outcome<std::size_t> ReadBody(std::span<std::byte> out) override {
-    if (expects_continue_) {
-      expects_continue_ = false;
-      if (!connection_.has_buffered_input() && connection_.body_left() > 0) {
-        connection_.Write("HTTP/1.1 100 Continue\r\n\r\n");
-        connection_.Flush();
-      }
-    }
-    std::size_t count = 0;
-    switch (connection_.ReadBody(out, &count)) {
-      case Connection::Read::kDone:
-        return count;
-      case Connection::Read::kTimeout:
-        return Problem{.code = ErrorCode::kRequestTimeout,
-                       .detail = "the body came too slowly: " + Received()};
-      default:
-        return Problem{.code = ErrorCode::kMalformedRequest,
-                       .detail = "the body ended early: " + Received()};
-    }
-  }
-
-  std::shared_ptr<void> CancelWhenGone(const core::CancelToken& token) override {
-    return watch_.Watch(connection_.fd(), token);
-  }
-
- private:
-  static Problem InternalProblem() {
-    return Problem{.code = ErrorCode::kInternal, .detail = "the request could not be finished"};
-  }
-  std::string Received() const {
-    return std::to_string(body_size_ - connection_.body_left()) + " of " +
-           std::to_string(body_size_) + " bytes were received";
-  }
-  void SetRequest(RequestHead head) {
-    request_.method = std::move(head.method);
-    request_.path = std::move(head.path);
-    request_.query = std::move(head.query);
-    request_.headers = std::move(head.headers);
-    request_.received = Clock::now();
-  }
-
-  Connection& connection_;
-  DepartureWatch& watch_;
-  const PaceLimit body_pace_;
-  HttpRequest request_;
-  std::optional<Problem> refusal_;
-  HttpResponse response_;
-  std::uint64_t body_size_ = 0;
-  bool expects_continue_ = false, keep_alive_ = false, complete_ = false;
-};
 
 /// What the library sees of a connection: it reads the head that we wrote for it, and its writes go
 /// through.
@@ -351,8 +236,7 @@ class HttpServer::Impl final : public httplib::Server {
   /// False when the connection is to be closed.
   bool ServeOne(Connection& connection, ConnectionPool::Slot& slot, const std::string& remote_addr,
                 std::chrono::milliseconds wait) {
-    Exchange exchange(connection, watch_, options_.body_pace);
-    exchange.set_remote_addr(remote_addr);
+    Exchange exchange(connection, watch_, options_.body_pace, remote_addr);
     if (slot.shed()) {
       exchange.Refuse({{},
                        Problem{.code = ErrorCode::kOverloaded,

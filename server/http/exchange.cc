@@ -1,0 +1,114 @@
+#include "server/http/exchange.h"
+
+#include <exception>
+#include <new>
+#include <utility>
+
+namespace kdray::server {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using api::ErrorCode;
+using api::Problem;
+
+Problem InternalProblem() {
+  return Problem{.code = ErrorCode::kInternal, .detail = "the request could not be finished"};
+}
+
+}  // namespace
+
+Exchange::Exchange(Connection& connection, DepartureWatch& watch, const PaceLimit& body_pace,
+                   std::string remote_addr)
+    : connection_(connection), watch_(watch), body_pace_(body_pace) {
+  request_.remote_addr = std::move(remote_addr);
+}
+
+void Exchange::Accept(RequestHead head) {
+  body_size_ = head.content_length;
+  expects_continue_ = head.expects_continue;
+  keep_alive_ = head.keep_alive;
+  SetRequest(std::move(head));
+  request_.peer = this;
+  connection_.BeginBody(body_size_, body_pace_);
+}
+
+void Exchange::Refuse(RefusedHead refused) {
+  SetRequest(std::move(refused.known));
+  refusal_ = std::move(refused.problem);
+}
+
+void Exchange::Answer(HttpHandler& handler) {
+  try {
+    response_ = refusal_ ? handler.Refuse(request_, *refusal_) : handler.Handle(request_);
+  } catch (const std::bad_alloc&) {
+    response_ = handler.Refuse(request_, Problem{.code = ErrorCode::kMemoryFull,
+                                                 .detail = "there was no memory for this request",
+                                                 .retry_after_s = 1});
+  } catch (const std::exception& error) {
+    response_ = handler.Refuse(request_, InternalProblem());
+    response_.cause = error.what();
+  } catch (...) {
+    response_ = handler.Refuse(request_, InternalProblem());
+    response_.cause = "an exception of unknown type";
+  }
+  // After an error nothing more is believed of the connection; unread bytes of a body are not the
+  // next request.
+  response_.close = response_.close || response_.status >= 400 || !keep_alive_ ||
+                    refusal_.has_value() || connection_.body_left() > 0;
+}
+
+HttpRecord Exchange::Record(Clock::time_point start) const {
+  HttpRecord record;
+  record.method = request_.method;
+  record.path = request_.path;
+  record.remote_addr = request_.remote_addr;
+  record.request_id = response_.headers.Find("X-Request-Id").value_or("");
+  record.error_code = response_.error_code;
+  record.cause = response_.cause;
+  record.status = response_.status;
+  record.bytes_in = body_size_ - connection_.body_left();
+  record.bytes_out = connection_.written();
+  record.ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  record.complete = complete_;
+  return record;
+}
+
+api::Outcome<std::size_t> Exchange::ReadBody(std::span<std::byte> out) {
+  if (expects_continue_) {
+    expects_continue_ = false;
+    if (!connection_.has_buffered_input() && connection_.body_left() > 0) {
+      connection_.Write("HTTP/1.1 100 Continue\r\n\r\n");
+      connection_.Flush();
+    }
+  }
+  std::size_t count = 0;
+  switch (connection_.ReadBody(out, &count)) {
+    case Connection::Read::kDone:
+      return count;
+    case Connection::Read::kTimeout:
+      return Problem{.code = ErrorCode::kRequestTimeout,
+                     .detail = "the body came too slowly: " + Received()};
+    default:
+      return Problem{.code = ErrorCode::kMalformedRequest,
+                     .detail = "the body ended early: " + Received()};
+  }
+}
+
+std::shared_ptr<void> Exchange::CancelWhenGone(const core::CancelToken& token) {
+  return watch_.Watch(connection_.fd(), token);
+}
+
+std::string Exchange::Received() const {
+  return std::to_string(body_size_ - connection_.body_left()) + " of " +
+         std::to_string(body_size_) + " bytes were received";
+}
+
+void Exchange::SetRequest(RequestHead head) {
+  request_.method = std::move(head.method);
+  request_.path = std::move(head.path);
+  request_.query = std::move(head.query);
+  request_.headers = std::move(head.headers);
+  request_.received = Clock::now();
+}
+
+}  // namespace kdray::server

@@ -1,0 +1,62 @@
+// One request and its answer on a connection: how the handler sees it, and what becomes of an
+// exception. Knows nothing of the library that listens and writes (http_server.cc).
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "server/http/connection.h"
+#include "server/http/departure_watch.h"
+#include "server/http/message.h"
+#include "server/http/request_head.h"
+
+namespace kdray::server {
+
+/// Accept() or Refuse(), then Answer(). Of the thread that serves the connection alone; neither
+/// copied nor moved, for the request points to it. What it is made from must outlive it.
+class Exchange final : public HttpPeer {
+ public:
+  Exchange(Connection& connection, DepartureWatch& watch, const PaceLimit& body_pace,
+           std::string remote_addr);
+  Exchange(const Exchange&) = delete;
+  Exchange& operator=(const Exchange&) = delete;
+
+  /// The request is one, and its body may be read.
+  void Accept(RequestHead head);
+  /// It is none; the handler answers with the problem.
+  void Refuse(RefusedHead refused);
+
+  /// Asks the handler; whatever it throws becomes an answer without the text.
+  void Answer(HttpHandler& handler);
+
+  bool is_head() const { return request_.method == "HEAD"; }
+  HttpResponse& response() { return response_; }
+  /// Whether all of the answer was sent; for the record.
+  void set_complete(bool complete) { complete_ = complete; }
+  HttpRecord Record(std::chrono::steady_clock::time_point start) const;
+
+  // HttpPeer
+  std::uint64_t body_size() const override { return body_size_; }
+  api::Outcome<std::size_t> ReadBody(std::span<std::byte> out) override;
+  std::shared_ptr<void> CancelWhenGone(const core::CancelToken& token) override;
+
+ private:
+  std::string Received() const;
+  void SetRequest(RequestHead head);
+
+  Connection& connection_;
+  DepartureWatch& watch_;
+  const PaceLimit body_pace_;
+  HttpRequest request_;
+  std::optional<api::Problem> refusal_;
+  HttpResponse response_;
+  std::uint64_t body_size_ = 0;
+  bool expects_continue_ = false, keep_alive_ = false, complete_ = false;
+};
+
+}  // namespace kdray::server
