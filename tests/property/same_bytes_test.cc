@@ -119,6 +119,7 @@ std::vector<RayF> PacketRays(const MeshData& data, const Bounds3d& bounds,
         rays.push_back({eye, 0, Vec3f(at), INFINITY});
       }
       // The vertices and edges that these pixels see.
+      std::vector<Vec3d> seen;
       for (const TriangleIndices& t : data.triangles) {
         const Vec3d a = data.vertices[t[0]], b = data.vertices[t[1]];
         for (const Vec3d& point : {a, a * 0.5 + b * 0.5}) {
@@ -129,6 +130,7 @@ std::vector<RayF> PacketRays(const MeshData& data, const Bounds3d& bounds,
           if (!(x > -0.5 && x < 7.5 && y > -0.5 && y < 7.5) || Dot(to, forward) <= 0) continue;
           const std::size_t i = static_cast<std::size_t>(std::lround(x) + 8 * std::lround(y));
           rays[first + i].direction = Vec3f(point) - eye;
+          seen.push_back(point);
         }
       }
       if (tile == 4) {
@@ -138,8 +140,13 @@ std::vector<RayF> PacketRays(const MeshData& data, const Bounds3d& bounds,
         }
       }
       for (std::size_t i = first; i < first + 64; ++i) {
-        const Vec3f start = rays[i].origin + rays[i].direction * 0.9F;
-        rays.push_back({start, 0, light - start, 1});
+        Vec3f start = rays[i].origin + rays[i].direction * 0.9F;
+        // Through a vertex or an edge, from beyond it; or from it.
+        if (i % 2 == 1 && !seen.empty()) {
+          const Vec3d point = seen[i % seen.size()];
+          start = Vec3f(Vec3d(light) + (point - Vec3d(light)) * (i % 4 == 1 ? 1.25 : 1.0));
+        }
+        rays.push_back({start, tile == 5 ? 0.125F : 0, light - start, 1});
       }
     }
   }
@@ -165,6 +172,9 @@ TEST(N20, APacketAnswersAsItsRaysAloneDo) {
         const Answers got = Trace(scene, rays, way, rays.size());
         ASSERT_TRUE(SameBits(got.hits, want.hits)) << Describe(way);
         ASSERT_EQ(got.occluded, want.occluded) << Describe(way);
+        const Answers of_doubles = Trace(scene, wide, way, wide.size());
+        ASSERT_TRUE(SameBits(of_doubles.hits, want.hits)) << Describe(way);
+        ASSERT_EQ(of_doubles.occluded, want.occluded) << Describe(way);
       }
     }
   }
