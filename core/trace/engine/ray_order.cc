@@ -15,6 +15,9 @@ unsigned OctantOf(const Vec3d& d) {
          static_cast<unsigned>(d.z < 0) << 2;
 }
 
+// Within some 11 degrees. False for rays that cannot be.
+bool AreClose(const Vec3d& a, const Vec3d& b) { return Dot(a, b) > 0.98 * Length(a) * Length(b); }
+
 // Cells of a grid over the bounds; what lies outside goes to the nearest one.
 class Grid {
  public:
@@ -54,11 +57,13 @@ bool IsShuffled(const RayBatch& rays, const Bounds3d& bounds) {
   std::size_t alike = 0;
   for (std::size_t s = 0; s < kSamples; ++s) {
     const double at = static_cast<double>(s) * kStep;
-    const std::size_t i = static_cast<std::size_t>((at - std::floor(at)) *
-                                                   static_cast<double>(rays.size() - 1));
+    const std::size_t i =
+        static_cast<std::size_t>((at - std::floor(at)) * static_cast<double>(rays.size() - 1));
     const Ray a = rays[i];
     const Ray b = rays[i + 1];
-    bool near = OctantOf(a.direction) == OctantOf(b.direction);
+    // Directions count from one origin only: from near origins even scattered rays have nodes and
+    // triangles in common.
+    bool near = !(a.origin == b.origin) || AreClose(a.direction, b.direction);
     for (int axis = 0; axis < 3; ++axis) {
       const unsigned p = grid.Cell(a.origin, axis);
       const unsigned q = grid.Cell(b.origin, axis);

@@ -12,7 +12,8 @@
 namespace kdray::core {
 
 /// Whether the rays come in no order: fewer than half of the neighbours in a sample begin close to
-/// each other (1/16 of the bounds) and go to the same octant. `bounds` in the rays' units.
+/// each other (1/16 of the bounds), or from one point in nearly one direction (11 degrees).
+/// `bounds` in the rays' units.
 bool IsShuffled(const RayBatch& rays, const Bounds3d& bounds);
 
 /// The numbers first .. first + out.size() - 1 of the batch, ordered by where the rays begin

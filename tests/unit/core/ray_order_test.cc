@@ -45,6 +45,19 @@ TEST(RayOrder, RaysInRandomOrderAreShuffled) {
   EXPECT_TRUE(IsShuffled(std::span<const RayF>(rays), kUnitBox));
 }
 
+TEST(RayOrder, ScatteredRaysFromNeighbouringPointsAreNotShuffledUntilTheyAre) {
+  std::mt19937 engine(8);
+  std::uniform_real_distribution<float> any(-1, 1);
+  std::vector<RayF> rays;
+  for (int i = 0; i < 10000; ++i) {
+    const float at = static_cast<float>(i) / 10000;
+    rays.push_back({{at, 0.5F * at, 0}, 0, {any(engine), any(engine), any(engine)}});
+  }
+  EXPECT_FALSE(IsShuffled(std::span<const RayF>(rays), kUnitBox));
+  std::shuffle(rays.begin(), rays.end(), engine);
+  EXPECT_TRUE(IsShuffled(std::span<const RayF>(rays), kUnitBox));
+}
+
 TEST(RayOrder, OrdersEveryRowOnce) {
   const std::vector<RayF> rays = TiledCamera(64);
   for (const bool by_direction : {false, true}) {
