@@ -1,4 +1,4 @@
-"""Turns what the benchmarks found into tables and plots: report.py tradeoff|images|mismatches CSV COMMAND, report.py build FOLDER COMMAND
+"""Turns what the benchmarks found into tables and plots: report.py tradeoff|images|mismatches CSV COMMAND, report.py trace|build FOLDER COMMAND
 
 Writes the section of that name in tests/bench/README.md, between its two marks, and the plots into docs/.
 """
@@ -31,10 +31,13 @@ def conditions(command):
     """What the figures were measured on: machine, command, commit."""
     with open("/proc/cpuinfo") as file:
         model = re.search(r"model name\s*:\s*(.*)", file.read())
-    git = subprocess.run(["git", "describe", "--always", "--dirty", "--abbrev=12"], cwd=ROOT,
-                         capture_output=True, text=True)
+    def git(*args):
+        return subprocess.run(["git", *args], cwd=ROOT, capture_output=True, text=True)
+    commit = git("rev-parse", "--short=12", "HEAD").stdout.strip() or "unknown"
+    # What reports write themselves is no change of what was measured.
+    changed = git("diff", "--quiet", "HEAD", "--", ".", ":!docs", ":!tests/bench/README.md").returncode != 0
     load = os.getloadavg()
-    return (f"`{command}`, at commit {git.stdout.strip() or 'unknown'}; {model[1] if model else 'unknown processor'}, "
+    return (f"`{command}`, at commit {commit}{' with changes' if changed else ''}; {model[1] if model else 'unknown processor'}, "
             f"{os.cpu_count()} threads; load average at the end {load[0]:.1f} (one minute), {load[2]:.1f} (fifteen).")
 
 
@@ -227,6 +230,49 @@ is a pixel through which the background shows although the mesh covers it and it
 """)
 
 
+# ---- Rays a second ----
+
+RIVALS = [("fast", "kdray fast", lambda mode: mode.startswith("embree") and "robust" not in mode, "#5aa9e6"),
+          ("watertight", "kdray watertight", lambda mode: mode.startswith("embree robust"), "#1b6ca8")]
+
+
+def trace(folder, command):
+    speed, meshes, classes = {}, {}, {}
+    with open(os.path.join(folder, "trace.csv"), newline="") as file:
+        for row in csv.DictReader(file):
+            speed[row["mesh"], row["class"], row["mode"]] = float(row["mrays_median"])
+            meshes[row["mesh"]] = classes[row["class"]] = None
+    figure, axes = plt.subplots(1, len(classes), figsize=(2.6 * len(classes), 3.2), sharey=True, squeeze=False)
+    for axis, rays in zip(axes[0], classes):
+        for i, (label, ours, is_rival, color) in enumerate(RIVALS):
+            ratios = []
+            for mesh in meshes:
+                rivals = [s for (m, c, mode), s in speed.items() if (m, c) == (mesh, rays) and is_rival(mode)]
+                ratios.append(speed[mesh, rays, ours] / max(rivals))
+            axis.bar([k + 0.4 * (i - 0.5) for k in range(len(meshes))], ratios, 0.38, label=label, color=color)
+        axis.axhline(1, color="#c0561e", linewidth=0.9)
+        axis.set_title(rays, fontsize=9)
+        axis.set_xticks(range(len(meshes)), list(meshes), rotation=60, ha="right", fontsize=7)
+    axes[0][0].set_ylabel("kdray / best mode of Embree (line)", fontsize=8)
+    axes[0][0].legend(fontsize=7)
+    save(figure, "trace.svg")
+    tables = []
+    for name in ["trace.md", "trace2.md"]:
+        with open(os.path.join(folder, name)) as file:
+            tables.append(file.read().strip().replace("\n### ", "\n#### "))
+    write_section("trace", f"""
+{conditions(command)}
+
+![Rays a second as a multiple of the best mode of Embree](../../docs/trace.svg)
+
+{tables[0]}
+
+Two threads, Embree's MEDIUM only:
+
+{tables[1]}
+""")
+
+
 # ---- Builds ----
 
 SAH_TARGET, BINNED_TARGET, SPEED_UP_TARGET = 1.3, 3.0, 1.7
@@ -334,8 +380,8 @@ ulps of a float at the mesh's largest coordinate.
 
 if __name__ == "__main__":
     what, path, said = sys.argv[1:]
-    if what == "build":
-        build(path, said)
+    if what in ("trace", "build"):
+        {"trace": trace, "build": build}[what](path, said)
         sys.exit()
     with open(path, newline="") as source:
         {"tradeoff": tradeoff, "images": images, "mismatches": mismatches}[what](list(csv.DictReader(source)), said)
