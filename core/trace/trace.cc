@@ -20,7 +20,6 @@ namespace {
 // A block is what one thread takes at a time. Engines look at the clock once in so many rays
 // (EngineJob::cancel), so a cancelled request ends promptly even in a box of many triangles.
 constexpr std::size_t kBlockRays = 4096;
-constexpr std::size_t kSortedRays = std::size_t{1} << 17;
 
 /// Calls f(corners, test tag) for the mesh's stored number type and the precision.
 template <class Test>
@@ -71,7 +70,6 @@ Status TraceByEngine(const Scene& scene, const RayBatch& rays, const TraceOption
   job.stopped = &stopped;
   ChooseEngines(options, &job);
   if (job.sort) {
-    // Larger blocks than otherwise: the more rays, the more alike are neighbours.
     ParallelFor(0, rays.size(), kSortedRays, [&](std::size_t first, std::size_t last) {
       std::vector<std::uint32_t> rows(last - first);
       OrderRays(rays, scene.mesh->bounds(), job.hits != nullptr, first, rows);

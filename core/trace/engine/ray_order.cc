@@ -39,6 +39,13 @@ class Grid {
   unsigned last_;
 };
 
+// One of `count` places. Multiples of the golden ratio, not of a part of the batch: equal steps can
+// fall on the ends of all rows of pixels.
+std::size_t SampleOf(std::size_t number, std::size_t count) {
+  const double at = static_cast<double>(number) * 0.6180339887498949;
+  return static_cast<std::size_t>((at - std::floor(at)) * static_cast<double>(count));
+}
+
 unsigned Spread(unsigned v) {  // bits 0..4 to every third
   unsigned spread = 0;
   for (unsigned bit = 0; bit < 5; ++bit) spread |= (v >> bit & 1u) << (3 * bit);
@@ -49,16 +56,11 @@ unsigned Spread(unsigned v) {  // bits 0..4 to every third
 
 bool IsShuffled(const RayBatch& rays, const Bounds3d& bounds) {
   constexpr std::size_t kSamples = 64;
-  // Multiples of the golden ratio, not of a part of the batch: equal steps can fall on the ends of
-  // all rows of pixels.
-  constexpr double kStep = 0.6180339887498949;
   if (rays.size() < 2) return false;
   const Grid grid(bounds, 4);
   std::size_t alike = 0;
   for (std::size_t s = 0; s < kSamples; ++s) {
-    const double at = static_cast<double>(s) * kStep;
-    const std::size_t i =
-        static_cast<std::size_t>((at - std::floor(at)) * static_cast<double>(rays.size() - 1));
+    const std::size_t i = SampleOf(s, rays.size() - 1);
     const Ray a = rays[i];
     const Ray b = rays[i + 1];
     // Directions count from one origin only: from near origins even scattered rays have nodes and
@@ -72,6 +74,28 @@ bool IsShuffled(const RayBatch& rays, const Bounds3d& bounds) {
     alike += near ? 1 : 0;
   }
   return 2 * alike < kSamples;
+}
+
+double RaysPerGroup(const RayBatch& rays, const Bounds3d& bounds) {
+  constexpr std::size_t kSamples = 512;
+  const Grid grid(bounds, 4);
+  std::array<std::uint32_t, kSamples> group;
+  for (std::size_t s = 0; s < kSamples; ++s) {
+    const Ray ray = rays[SampleOf(s, rays.size())];
+    group[s] = OctantOf(ray.direction);
+    for (int axis = 0; axis < 3; ++axis) group[s] = group[s] << 4 | grid.Cell(ray.origin, axis);
+  }
+  std::sort(group.begin(), group.end());
+  // Of two rays at random, how likely are they of one group?
+  std::size_t pairs = 0;
+  std::size_t run = 0;
+  for (std::size_t s = 1; s < kSamples; ++s) {
+    run = group[s] == group[s - 1] ? run + 1 : 0;
+    pairs += run;
+  }
+  constexpr double kPairs = 0.5 * kSamples * (kSamples - 1);
+  return static_cast<double>(pairs) / kPairs *
+         static_cast<double>(std::min(rays.size(), kSortedRays));
 }
 
 void OrderRays(const RayBatch& rays, const Bounds3d& bounds, bool by_direction, std::size_t first,

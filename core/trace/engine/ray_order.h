@@ -2,6 +2,7 @@
 // their predecessors fetched.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -15,6 +16,13 @@ namespace kdray::core {
 /// each other (1/16 of the bounds), or from one point in nearly one direction (11 degrees).
 /// `bounds` in the rays' units.
 bool IsShuffled(const RayBatch& rays, const Bounds3d& bounds);
+
+/// So many rays are sorted together: the more, the more alike are neighbours.
+inline constexpr std::size_t kSortedRays = std::size_t{1} << 17;
+
+/// How many of the rays that are sorted together a ray finds in its group, which begins in the same
+/// cell (one of 16 x 16 x 16) and goes into the same octant; an estimate from 512 rays.
+double RaysPerGroup(const RayBatch& rays, const Bounds3d& bounds);
 
 /// The numbers first .. first + out.size() - 1 of the batch, ordered by where the rays begin
 /// (Morton order of 16 or 32 cells an axis) and by direction (octant, and four bits more when
