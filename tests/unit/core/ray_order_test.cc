@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <random>
 #include <span>
 #include <vector>
@@ -56,6 +57,28 @@ TEST(RayOrder, ScatteredRaysFromNeighbouringPointsAreNotShuffledUntilTheyAre) {
   EXPECT_FALSE(IsShuffled(std::span<const RayF>(rays), kUnitBox));
   std::shuffle(rays.begin(), rays.end(), engine);
   EXPECT_TRUE(IsShuffled(std::span<const RayF>(rays), kUnitBox));
+}
+
+TEST(RayOrder, RaysFromASurfaceFindManyInTheirGroupRandomOnesFew) {
+  std::mt19937 engine(9);
+  std::uniform_real_distribution<float> any(-1, 1);
+  const auto direction = [&] { return Vec3f{any(engine), any(engine), any(engine)}; };
+  std::vector<RayF> from_surface, random;
+  for (int i = 0; i < 100000; ++i) {
+    from_surface.push_back({{any(engine), any(engine), 0}, 0, direction()});
+    random.push_back({{any(engine), any(engine), any(engine)}, 0, direction()});
+  }
+  // 256 cells of 4,096, and 8 octants: 49; all cells: 3.
+  const double surface_group = RaysPerGroup(std::span<const RayF>(from_surface), kUnitBox);
+  EXPECT_GT(surface_group, 49 * 0.7);
+  EXPECT_LT(surface_group, 49 * 1.3);
+  EXPECT_LT(RaysPerGroup(std::span<const RayF>(random), kUnitBox), 8);
+
+  // As many as are sorted together count, not all that there are.
+  const std::vector<RayF> same(4 * kSortedRays, RayF{{0, 0, 0}, 0, {1, 1, 1}});
+  EXPECT_EQ(RaysPerGroup(std::span<const RayF>(same), kUnitBox), kSortedRays);
+  const std::vector<RayF> invalid(100, RayF{{NAN, 0, 0}, 0, {0, INFINITY, 1}});
+  EXPECT_EQ(RaysPerGroup(std::span<const RayF>(invalid), kUnitBox), 100);
 }
 
 TEST(RayOrder, OrdersEveryRowOnce) {

@@ -1,0 +1,81 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <span>
+#include <vector>
+
+#include "core/trace/engine/choice.h"
+#include "tests/support/scenes.h"
+#include "tests/support/shapes.h"
+
+namespace kdray::core {
+namespace {
+
+class EngineChoice : public testing::Test {
+ protected:
+  EngineJob Choose(const std::vector<RayF>& rays, Precision precision, bool any = false) {
+    EngineJob job;
+    job.tree = &scene_.tree->wide;
+    job.mesh = scene_.mesh.get();
+    job.precision = precision;
+    job.rays = std::span<const RayF>(rays);
+    occluded_.resize(rays.size());
+    if (any) job.occluded = occluded_.data();
+    TraceOptions options;
+    options.precision = precision;
+    ChooseEngines(options, &job);
+    return job;
+  }
+
+  // Small: through a tree beyond the caches even random rays are sorted.
+  const Scene scene_ = test::MakeScene(test::UvSphere({0, 0, 0}, 1, 20, 40));
+  std::vector<std::uint8_t> occluded_;
+  std::mt19937 engine_{11};
+  std::uniform_real_distribution<float> any_{-1, 1};
+
+  Vec3f Random() { return {any_(engine_), any_(engine_), any_(engine_)}; }
+  std::vector<RayF> Camera() const {
+    std::vector<RayF> rays;
+    for (int i = 0; i < 20000; ++i) {
+      rays.push_back({{0, 0, 3}, 0, {static_cast<float>(i) * 1e-5F, 0.1F, -1}});
+    }
+    return rays;
+  }
+};
+
+TEST_F(EngineChoice, ACamerasRaysAreAFrustumWherePrecisionsHaveOne) {
+  EXPECT_EQ(Choose(Camera(), Precision::kFast).engine, Engine::kFrustum);
+  EXPECT_EQ(Choose(Camera(), Precision::kWatertight).engine, Engine::kFrustum);
+  EXPECT_EQ(Choose(Camera(), Precision::kDouble).engine, Engine::kHybrid);
+  EXPECT_EQ(Choose(Camera(), Precision::kExact).engine, Engine::kHybrid);
+  EXPECT_FALSE(Choose(Camera(), Precision::kFast).sort);
+}
+
+TEST_F(EngineChoice, ShuffledRaysAreSortedWhereManyAreAlike) {
+  std::vector<RayF> from_surface, random;
+  for (int i = 0; i < 60000; ++i) {
+    // A hundredth of all cells, at most.
+    const Vec3f at = Random();
+    from_surface.push_back({{0.2F * at.x, 0.2F * at.y, 0.9F}, 0, Random()});
+    random.push_back({at, 0, Random()});
+  }
+  for (const bool any : {false, true}) {
+    const EngineJob alike = Choose(from_surface, Precision::kDouble, any);
+    EXPECT_TRUE(alike.sort);
+    EXPECT_EQ(alike.engine, Engine::kHybrid);
+    const EngineJob unlike = Choose(random, Precision::kDouble, any);
+    EXPECT_FALSE(unlike.sort);
+    EXPECT_EQ(unlike.engine, Engine::kWave);
+  }
+  // What the frustum hands on goes the same ways.
+  EXPECT_TRUE(Choose(from_surface, Precision::kFast).alike);
+  EXPECT_FALSE(Choose(random, Precision::kFast).alike);
+
+  // Sorting takes longer than it saves where there are few.
+  from_surface.resize(1000);
+  EXPECT_FALSE(Choose(from_surface, Precision::kDouble).sort);
+}
+
+}  // namespace
+}  // namespace kdray::core
