@@ -8,13 +8,12 @@ namespace {
 
 // A second-level cache of today's servers; a tree that fits it needs no prefetching.
 constexpr std::uint64_t kSecondLevelCache = std::uint64_t{1} << 20;
-// What one request may expect of a third-level cache. Beyond it sorting pays for closest hits too,
-// which take longer and so have less to gain.
-constexpr std::uint64_t kThirdLevelCache = std::uint64_t{32} << 20;
-constexpr std::size_t kWorthSorting = std::size_t{1} << 14;
-// Sorted rays with so many in their group go through the hybrid; random rays of the benchmark's
-// batches have 9 to 28, scattered ones from what a camera sees 69 to 95.
-constexpr double kWorthGrouping = 40;
+// Fewer rays than this are traced sooner than looked at.
+constexpr std::size_t kWorthSorting = std::size_t{1} << 12;
+// Rays of so few groups are sorted and go through the hybrid. Of 32,768 groups the benchmark's
+// random rays are in 37,000 to 58,000 (by the estimate), scattered ones from what a camera sees in
+// 1,400 to 1,900.
+constexpr double kMostGroups = 8192;
 
 }  // namespace
 
@@ -22,12 +21,9 @@ void ChooseEngines(const TraceOptions& options, EngineJob* job) {
   job->simd = options.simd.value_or(BestSimdLevel());
   job->prefetch = job->tree->bytes() > kSecondLevelCache;
   const bool shuffled = IsShuffled(job->rays, job->mesh->bounds());
-  const bool any = job->occluded != nullptr;
-  const bool many = job->rays.size() >= kWorthSorting;
-  const bool grouped =
-      shuffled && many && RaysPerGroup(job->rays, job->mesh->bounds()) >= kWorthGrouping;
-  const bool beyond_cache = job->tree->bytes() > (any ? kSecondLevelCache : kThirdLevelCache);
-  job->sort = options.sort.value_or(grouped || (shuffled && many && beyond_cache));
+  const bool grouped = shuffled && job->rays.size() >= kWorthSorting &&
+                       CountGroups(job->rays, job->mesh->bounds()) <= kMostGroups;
+  job->sort = options.sort.value_or(grouped);
   job->alike = (!shuffled || (grouped && job->sort)) && !options.engine;
   // The frustum hands on whatever is no packet, and finds that out soon; it knows these precisions
   // only.

@@ -76,7 +76,7 @@ bool IsShuffled(const RayBatch& rays, const Bounds3d& bounds) {
   return 2 * alike < kSamples;
 }
 
-double RaysPerGroup(const RayBatch& rays, const Bounds3d& bounds) {
+double CountGroups(const RayBatch& rays, const Bounds3d& bounds) {
   constexpr std::size_t kSamples = 512;
   const Grid grid(bounds, 4);
   std::array<std::uint32_t, kSamples> group;
@@ -86,7 +86,6 @@ double RaysPerGroup(const RayBatch& rays, const Bounds3d& bounds) {
     for (int axis = 0; axis < 3; ++axis) group[s] = group[s] << 4 | grid.Cell(ray.origin, axis);
   }
   std::sort(group.begin(), group.end());
-  // Of two rays at random, how likely are they of one group?
   std::size_t pairs = 0;
   std::size_t run = 0;
   for (std::size_t s = 1; s < kSamples; ++s) {
@@ -94,8 +93,7 @@ double RaysPerGroup(const RayBatch& rays, const Bounds3d& bounds) {
     pairs += run;
   }
   constexpr double kPairs = 0.5 * kSamples * (kSamples - 1);
-  return static_cast<double>(pairs) / kPairs *
-         static_cast<double>(std::min(rays.size(), kSortedRays));
+  return kPairs / static_cast<double>(pairs);
 }
 
 void OrderRays(const RayBatch& rays, const Bounds3d& bounds, bool by_direction, std::size_t first,

@@ -20,9 +20,10 @@ bool IsShuffled(const RayBatch& rays, const Bounds3d& bounds);
 /// So many rays are sorted together: the more, the more alike are neighbours.
 inline constexpr std::size_t kSortedRays = std::size_t{1} << 17;
 
-/// How many of the rays that are sorted together a ray finds in its group, which begins in the same
-/// cell (one of 16 x 16 x 16) and goes into the same octant; an estimate from 512 rays.
-double RaysPerGroup(const RayBatch& rays, const Bounds3d& bounds);
+/// In how many groups the rays are: those that begin in one cell (of 16 x 16 x 16) and go into one
+/// octant. The reciprocal of how likely two rays are of the same group, estimated from 512 of them;
+/// infinity where no two are.
+double CountGroups(const RayBatch& rays, const Bounds3d& bounds);
 
 /// The numbers first .. first + out.size() - 1 of the batch, ordered by where the rays begin
 /// (Morton order of 16 or 32 cells an axis) and by direction (octant, and four bits more when

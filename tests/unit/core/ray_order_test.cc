@@ -59,7 +59,7 @@ TEST(RayOrder, ScatteredRaysFromNeighbouringPointsAreNotShuffledUntilTheyAre) {
   EXPECT_TRUE(IsShuffled(std::span<const RayF>(rays), kUnitBox));
 }
 
-TEST(RayOrder, RaysFromASurfaceFindManyInTheirGroupRandomOnesFew) {
+TEST(RayOrder, RaysFromASurfaceAreInFewGroupsRandomOnesInMany) {
   std::mt19937 engine(9);
   std::uniform_real_distribution<float> any(-1, 1);
   const auto direction = [&] { return Vec3f{any(engine), any(engine), any(engine)}; };
@@ -68,17 +68,16 @@ TEST(RayOrder, RaysFromASurfaceFindManyInTheirGroupRandomOnesFew) {
     from_surface.push_back({{any(engine), any(engine), 0}, 0, direction()});
     random.push_back({{any(engine), any(engine), any(engine)}, 0, direction()});
   }
-  // 256 cells of 4,096, and 8 octants: 49; all cells: 3.
-  const double surface_group = RaysPerGroup(std::span<const RayF>(from_surface), kUnitBox);
-  EXPECT_GT(surface_group, 49 * 0.7);
-  EXPECT_LT(surface_group, 49 * 1.3);
-  EXPECT_LT(RaysPerGroup(std::span<const RayF>(random), kUnitBox), 8);
+  // 256 cells of 4,096, and 8 octants: 2,048.
+  const double surface_groups = CountGroups(std::span<const RayF>(from_surface), kUnitBox);
+  EXPECT_GT(surface_groups, 1400);
+  EXPECT_LT(surface_groups, 2900);
+  EXPECT_GT(CountGroups(std::span<const RayF>(random), kUnitBox), 10000);
 
-  // As many as are sorted together count, not all that there are.
-  const std::vector<RayF> same(4 * kSortedRays, RayF{{0, 0, 0}, 0, {1, 1, 1}});
-  EXPECT_EQ(RaysPerGroup(std::span<const RayF>(same), kUnitBox), kSortedRays);
-  const std::vector<RayF> invalid(100, RayF{{NAN, 0, 0}, 0, {0, INFINITY, 1}});
-  EXPECT_EQ(RaysPerGroup(std::span<const RayF>(invalid), kUnitBox), 100);
+  const std::vector<RayF> same(5000, RayF{{0, 0, 0}, 0, {1, 1, 1}});
+  EXPECT_EQ(CountGroups(std::span<const RayF>(same), kUnitBox), 1);
+  const std::vector<RayF> invalid(600, RayF{{NAN, 0, 0}, 0, {0, INFINITY, 1}});
+  EXPECT_EQ(CountGroups(std::span<const RayF>(invalid), kUnitBox), 1);
 }
 
 TEST(RayOrder, OrdersEveryRowOnce) {
