@@ -25,6 +25,8 @@ function(kdray_settings target)
   if(KDRAY_SANITIZE)
     target_compile_options(${target} PRIVATE -fsanitize=${KDRAY_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
     target_link_options(${target} PUBLIC -fsanitize=${KDRAY_SANITIZE})
+    # g++ 12 loses sight of what std::optional and Result hold once checks are between: false alarms.
+    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   endif()
 endfunction()
 
