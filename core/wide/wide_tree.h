@@ -53,6 +53,7 @@ static_assert(sizeof(WideNode) == 256);
 /// triangle have NaN corners, which no test accepts.
 struct alignas(64) LeafBlock {
   static constexpr std::size_t kWidth = 8;
+  static constexpr unsigned kAllLanes = (1u << kWidth) - 1;
   static constexpr std::uint32_t kLast = 0x80000000u;  ///< in id[0]: the leaf ends here
   static constexpr std::uint32_t kIdMask = 0x7fffffffu;
   float corner[3][3][kWidth];  ///< [corner][axis][lane]
