@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include <cmath>
+#include <cstdint>
 #include <random>
 #include <span>
 #include <vector>
@@ -71,7 +71,7 @@ TEST_F(EngineChoice, ShuffledRaysAreSortedWhereManyAreAlike) {
   EXPECT_TRUE(Choose(from_surface, Precision::kFast).alike);
   EXPECT_FALSE(Choose(random, Precision::kFast).alike);
 
-  // Sorting takes longer than it saves where there are few.
+  // A small batch is not looked at so closely.
   from_surface.resize(1000);
   EXPECT_FALSE(Choose(from_surface, Precision::kDouble).sort);
 }
