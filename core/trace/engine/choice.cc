@@ -11,8 +11,8 @@ constexpr std::uint64_t kSecondLevelCache = std::uint64_t{1} << 20;
 // Of so many rays, looking at a few hundred takes no time that counts.
 constexpr std::size_t kWorthSorting = std::size_t{1} << 12;
 // Rays of so few groups are sorted and go through the hybrid. By the estimate, which is rough, the
-// benchmark's shadow rays are in 190 to 260 groups of 32,768, scattered ones from what a camera sees
-// in 700 to 1,400, and random ones in 9,300 to 14,500.
+// benchmark's shadow rays are in 190 to 260 groups of 32,768, scattered ones from what a camera
+// sees in 700 to 1,400, and random ones in 9,300 to 14,500.
 constexpr double kMostGroups = 4096;
 
 }  // namespace
