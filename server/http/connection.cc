@@ -124,6 +124,10 @@ void Connection::BeginWrite(const PaceLimit& pace) {
 
 bool Connection::Write(std::string_view bytes) {
   if (broken_) return false;
+  const std::size_t sent_ahead = std::min(ahead_, bytes.size());
+  bytes.remove_prefix(sent_ahead);
+  ahead_ -= sent_ahead;
+  written_ += sent_ahead;
   if (out_.size() + bytes.size() <= kGatherBytes) {
     out_.append(bytes);
     return true;
@@ -158,13 +162,32 @@ bool Connection::Send(std::string_view bytes, bool more) {
   return !broken_;
 }
 
+bool Connection::SendAhead(std::string_view start) {
+  if (ahead_ >= start.size()) return false;
+  // A full buffer or a reset: the byte is not sent, and others notice the reset.
+  if (send(fd_, start.data() + ahead_, 1, MSG_DONTWAIT | MSG_NOSIGNAL) == 1) ++ahead_;
+  return true;
+}
+
+bool Connection::HasLeft(std::string_view start, std::chrono::milliseconds patience) {
+  SendAhead(start);
+  return WaitUntil(fd_, 0, Clock::now() + patience);  // for a reset, which poll() always reports
+}
+
 void Connection::EndRequest() {
   in_.erase(0, head_bytes_);
   head_bytes_ = 0;
 }
 
 void Connection::CloseGently() {
-  if (broken_ || shutdown(fd_, SHUT_WR) != 0) return;
+  if (broken_) {
+    // What is still queued for a client that does not read would delay the end behind it, and hold
+    // the system's memory.
+    const linger reset{.l_onoff = 1, .l_linger = 0};
+    setsockopt(fd_, SOL_SOCKET, SO_LINGER, &reset, sizeof(reset));
+    return;
+  }
+  if (shutdown(fd_, SHUT_WR) != 0) return;
   const auto deadline = Clock::now() + kLingerTime;
   char sink[4096];
   for (std::size_t total = 0; total < kLingerBytes;) {

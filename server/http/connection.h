@@ -71,11 +71,20 @@ class Connection {
   /// Bytes handed to the operating system since BeginWrite().
   std::uint64_t written() const { return written_; }
 
+  /// Sends one byte of `start`, which every answer begins with, before there is an answer; Write()
+  /// leaves out what was sent so. False when all of `start` has been sent. Another thread may call
+  /// it, while no other method runs.
+  bool SendAhead(std::string_view start);
+  /// After kClosed: whether the client has left, and has not only closed its sending side. Sends
+  /// ahead and waits up to `patience` for the client's system to refuse it.
+  bool HasLeft(std::string_view start, std::chrono::milliseconds patience);
+
   /// Forgets the head; the next request may follow. The body must have been read.
   void EndRequest();
-  /// Says that nothing more will be sent, then reads a little and for a short while what the client
-  /// still sends: closing on unread bytes would make the system reset the connection, and an answer
-  /// under way would be lost.
+  /// The last call. Says that nothing more will be sent, then reads a little and for a short while
+  /// what the client still sends: closing on unread bytes would make the system reset the
+  /// connection, and an answer under way would be lost. An answer that was given up is not sent on:
+  /// then the connection will be reset.
   void CloseGently();
 
  private:
@@ -90,6 +99,7 @@ class Connection {
   Pace write_pace_{PaceLimit{}};
   std::string out_;
   std::uint64_t written_ = 0;
+  std::size_t ahead_ = 0;  ///< bytes of the next answer that were sent before it
   bool broken_ = false;
 };
 

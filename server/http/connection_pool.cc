@@ -13,6 +13,13 @@ namespace {
 /// Connections refused at the same time; each holds a thread for a fraction of a second.
 constexpr std::size_t kMaxShedding = 32;
 
+/// shutdown() ends the connection, which the peer sees at once. close() alone would leave it open
+/// as long as another thread is inside a call that waits for the same file.
+void Close(int fd) {
+  shutdown(fd, SHUT_RDWR);
+  close(fd);
+}
+
 }  // namespace
 
 bool ConnectionPool::Slot::BecomeIdle() {
@@ -43,7 +50,7 @@ void ConnectionPool::Accept(int fd) {
   JoinFinished();
   const std::lock_guard lock(mutex_);
   if (stopping_) {
-    close(fd);
+    Close(fd);
   } else if (serving_ < max_connections_) {
     Start(fd, false);
   } else if (EvictLongestIdle()) {
@@ -51,7 +58,7 @@ void ConnectionPool::Accept(int fd) {
   } else if (shedding_ < kMaxShedding) {
     Start(fd, true);
   } else {
-    close(fd);
+    Close(fd);
   }
 }
 
@@ -66,7 +73,7 @@ void ConnectionPool::Start(int fd, bool shed) {
   try {
     slot->thread_ = std::thread([this, slot] { Run(slot); });
   } catch (const std::system_error&) {  // no more threads: the client may try again
-    close(fd);
+    Close(fd);
     slots_.erase(slot);
     return;
   }
@@ -77,7 +84,7 @@ void ConnectionPool::Run(std::list<Slot>::iterator slot) {
   for (;;) {
     serve_(slot->fd_, *slot);
     const std::lock_guard lock(mutex_);
-    close(slot->fd_);  // under the lock, so that nobody shuts down a descriptor that was given away
+    Close(slot->fd_);  // under the lock, so that nobody shuts down a descriptor that was given away
     if (!slot->shed_ && !pending_.empty() && !stopping_) {
       slot->fd_ = pending_.front();
       pending_.pop_front();
@@ -102,7 +109,8 @@ bool ConnectionPool::EvictLongestIdle() {
   Slot* oldest = nullptr;
   for (Slot& slot : slots_) {
     if (slot.state_ != Slot::State::kIdle) continue;
-    if (oldest == nullptr || slot.idle_since_ < oldest->idle_since_) oldest = &slot;
+    if (oldest != nullptr && slot.idle_since_ >= oldest->idle_since_) continue;
+    if (!HasInput(slot.fd_)) oldest = &slot;  // else its next request is here
   }
   if (oldest == nullptr) return false;
   oldest->state_ = Slot::State::kEvicted;
@@ -130,7 +138,7 @@ void ConnectionPool::Stop() {
   {
     std::unique_lock lock(mutex_);
     stopping_ = true;
-    for (const int fd : pending_) close(fd);
+    for (const int fd : pending_) Close(fd);
     pending_.clear();
     for (Slot& slot : slots_) shutdown(slot.fd_, SHUT_RDWR);
     changed_.wait(lock, [this] { return slots_.empty(); });

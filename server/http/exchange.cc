@@ -11,6 +11,12 @@ using Clock = std::chrono::steady_clock;
 using api::ErrorCode;
 using api::Problem;
 
+/// What every answer begins with. Sent byte by byte to a client that has closed its sending side,
+/// it shows whether that client is still there and decides nothing about the answer.
+constexpr std::string_view kAnswerStart = "HTTP/1.1 ";
+/// How long a client's system has to say that nobody takes the answer to a body that was cut off.
+constexpr std::chrono::milliseconds kResetWait{100};
+
 Problem InternalProblem() {
   return Problem{.code = ErrorCode::kInternal, .detail = "the request could not be finished"};
 }
@@ -51,6 +57,11 @@ void Exchange::Answer(HttpHandler& handler) {
     response_ = handler.Refuse(request_, InternalProblem());
     response_.cause = "an exception of unknown type";
   }
+  if (gone_) {
+    response_.status = kClientGone;
+    response_.error_code = "client_gone";
+    response_.body = HttpBody();
+  }
   // After an error nothing more is believed of the connection; unread bytes of a body are not the
   // next request.
   response_.close = response_.close || response_.status >= 400 || !keep_alive_ ||
@@ -89,14 +100,17 @@ api::Outcome<std::size_t> Exchange::ReadBody(std::span<std::byte> out) {
       return Problem{.code = ErrorCode::kRequestTimeout,
                      .detail = "the body came too slowly: " + Received()};
     default:
+      gone_ = connection_.HasLeft(kAnswerStart, kResetWait);
       return Problem{.code = ErrorCode::kMalformedRequest,
                      .detail = "the body ended early: " + Received()};
   }
 }
 
 std::shared_ptr<void> Exchange::CancelWhenGone(const core::CancelToken& token) {
-  return watch_.Watch(connection_.fd(), token);
+  return watch_.Watch(connection_.fd(), token, *this);
 }
+
+bool Exchange::Probe() { return connection_.SendAhead(kAnswerStart); }
 
 std::string Exchange::Received() const {
   return std::to_string(body_size_ - connection_.body_left()) + " of " +

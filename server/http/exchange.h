@@ -2,6 +2,7 @@
 // exception. Knows nothing of the library that listens and writes (http_server.cc).
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -19,7 +20,7 @@ namespace kdray::server {
 
 /// Accept() or Refuse(), then Answer(). Of the thread that serves the connection alone; neither
 /// copied nor moved, for the request points to it. What it is made from must outlive it.
-class Exchange final : public HttpPeer {
+class Exchange final : public HttpPeer, private WatchedClient {
  public:
   Exchange(Connection& connection, DepartureWatch& watch, const PaceLimit& body_pace,
            std::string remote_addr);
@@ -31,7 +32,8 @@ class Exchange final : public HttpPeer {
   /// It is none; the handler answers with the problem.
   void Refuse(RefusedHead refused);
 
-  /// Asks the handler; whatever it throws becomes an answer without the text.
+  /// Asks the handler; whatever it throws becomes an answer without the text. When the client has
+  /// left meanwhile, the answer is an empty one of status kClientGone.
   void Answer(HttpHandler& handler);
 
   bool is_head() const { return request_.method == "HEAD"; }
@@ -46,6 +48,10 @@ class Exchange final : public HttpPeer {
   std::shared_ptr<void> CancelWhenGone(const core::CancelToken& token) override;
 
  private:
+  // WatchedClient
+  bool Probe() override;
+  void Left() override { gone_ = true; }
+
   std::string Received() const;
   void SetRequest(RequestHead head);
 
@@ -56,6 +62,7 @@ class Exchange final : public HttpPeer {
   std::optional<api::Problem> refusal_;
   HttpResponse response_;
   std::uint64_t body_size_ = 0;
+  std::atomic<bool> gone_{false};  ///< the client has left
   bool expects_continue_ = false, keep_alive_ = false, complete_ = false;
 };
 

@@ -186,6 +186,7 @@ class HttpServer::Impl final : public httplib::Server {
     // Every accept() on the socket, now and later, returns with an error.
     if (listener_ >= 0) shutdown(listener_, SHUT_RDWR);
     if (accept_thread_.joinable()) accept_thread_.join();
+    watch_.CancelAll();
     pool_.Stop();
     if (const socket_t socket = svr_sock_.exchange(INVALID_SOCKET); socket != INVALID_SOCKET) {
       close(socket);
@@ -228,6 +229,7 @@ class HttpServer::Impl final : public httplib::Server {
       while (ServeOne(connection, slot, remote_addr, wait) && slot.BecomeIdle()) {
         wait = options_.idle_timeout;
       }
+      connection.CloseGently();
     } catch (...) {
       // Out of memory outside of a request: the connection is lost, nothing else.
     }
@@ -259,10 +261,7 @@ class HttpServer::Impl final : public httplib::Server {
     current_ = {};
     exchange.set_complete(connection.Flush() && written);
     handler_.Answered(exchange.Record(start));
-    if (exchange.response().close || !written) {
-      connection.CloseGently();
-      return false;
-    }
+    if (exchange.response().close || !written) return false;
     connection.EndRequest();
     return true;
   }

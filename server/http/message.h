@@ -51,8 +51,8 @@ class HttpPeer {
   /// call tells a client that waits for it to go on (Expect: 100-continue), so refuse before it.
   /// request_timeout for a client that dribbles, malformed_request when the body ends early.
   virtual api::Outcome<std::size_t> ReadBody(std::span<std::byte> out) = 0;
-  /// Cancels `token` should the client leave while the returned handle lives. A client that closes
-  /// its sending side counts as gone.
+  /// Cancels `token` should the client leave while the returned handle lives. A client that only
+  /// closes its sending side stays. One handle at a time.
   virtual std::shared_ptr<void> CancelWhenGone(const core::CancelToken& token) = 0;
 };
 
@@ -102,6 +102,9 @@ struct HttpResponse {
   std::string cause;       ///< what stays in the log and is not sent
   bool close = false;      ///< end the connection after this answer
 };
+
+/// The status of a request whose client left before there was an answer. Recorded, never sent.
+constexpr int kClientGone = 499;
 
 /// One answered request, for the log.
 struct HttpRecord {

@@ -2,8 +2,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <limits>
 #include <memory>
@@ -68,6 +70,17 @@ class RealEngine : public testing::Test {
   std::unique_ptr<CoreEngine> engine_;
   std::unique_ptr<RunningService> running_;
 };
+
+TEST_F(RealEngine, ShowsAPausingClientTheEndOfItsConnectionAfterEveryKindOfRequest) {
+  HttpServerOptions http;
+  http.idle_timeout = std::chrono::milliseconds(50);
+  RunningService running(*engine_, {}, http);
+  const std::string command = KDRAY_PYTHON " " KDRAY_SOURCE_DIR
+                                           "/tests/integration/keep_alive_client.py "
+                                           "http://127.0.0.1:" +
+                              std::to_string(running.port()) + " 0.2";
+  EXPECT_EQ(std::system(command.c_str()), 0);
+}
 
 TEST_F(RealEngine, AnswersRaysAtACube) {
   const std::string id = running_->Upload(test::ObjText(test::Cube({0, 0, 0}, 1)));

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdlib>
+#include <utility>
 
 namespace kdray::test {
 
@@ -35,6 +36,12 @@ RawClient::~RawClient() { Close(); }
 void RawClient::Close() {
   if (fd_ >= 0) close(fd_);
   fd_ = -1;
+}
+
+void RawClient::Reset() {
+  const linger reset{.l_onoff = 1, .l_linger = 0};
+  setsockopt(fd_, SOL_SOCKET, SO_LINGER, &reset, sizeof(reset));
+  Close();
 }
 
 void RawClient::ShutdownWrite() { shutdown(fd_, SHUT_WR); }
@@ -87,6 +94,13 @@ std::optional<RawAnswer> RawClient::Read(std::chrono::milliseconds timeout, bool
   answer.body = buffer_.substr(head_end + 4, size);
   buffer_.erase(0, head_end + 4 + size);
   return answer;
+}
+
+std::string RawClient::ReadToEnd(std::chrono::milliseconds timeout) {
+  const auto deadline = Clock::now() + timeout;
+  while (Fill(deadline)) {
+  }
+  return std::exchange(buffer_, {});
 }
 
 bool RawClient::IsClosed(std::chrono::milliseconds timeout) {

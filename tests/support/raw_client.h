@@ -34,11 +34,15 @@ class RawClient {
   /// `to_head` says that the request was a HEAD: no body follows.
   std::optional<RawAnswer> Read(std::chrono::milliseconds timeout = std::chrono::seconds(10),
                                 bool to_head = false);
+  /// What comes until the server closes, or until `timeout` passes.
+  std::string ReadToEnd(std::chrono::milliseconds timeout = std::chrono::seconds(10));
   /// True when the server closes within `timeout`; bytes until then are dropped.
   bool IsClosed(std::chrono::milliseconds timeout = std::chrono::seconds(10));
   /// Nothing more will be sent; reading goes on.
   void ShutdownWrite();
   void Close();
+  /// Closes as a process that is killed with unread bytes does: the server sees a reset.
+  void Reset();
 
  private:
   bool Fill(std::chrono::steady_clock::time_point deadline);
