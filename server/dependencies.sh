@@ -6,6 +6,14 @@
 # compiled programs: the second stage of the Dockerfile), lint (tests/lint), bench (tests/bench).
 set -euo pipefail
 
+# The version of Debian, whose libraries carry their own in their names: 12 where this is no Debian.
+release() {
+  local VERSION_ID=12 ID=
+  # shellcheck source=/dev/null
+  [[ -r /etc/os-release ]] && . /etc/os-release
+  [[ $ID == debian ]] && echo "${VERSION_ID%%.*}" || echo 12
+}
+
 packages_of() {
   case $1 in
     build) cat <<'END' ;;
@@ -35,13 +43,17 @@ libgtest-dev
 libpng-dev
 python3-numpy
 END
-    run) cat <<'END' ;;
-libcpp-httplib0.11
+    run)
+      case $(release) in
+        12) echo libcpp-httplib0.11 libssl3 ;;
+        *) echo libcpp-httplib0.18 libssl3t64 ;;
+      esac | tr ' ' '\n'
+      cat <<'END'
 libdeflate0
 libgmpxx4ldbl
-libssl3
 libtbb12
 END
+      ;;
     bench) cat <<'END' ;;
 libembree-dev
 python3-matplotlib
