@@ -1,6 +1,10 @@
 // Against Embree in its robust mode, on three real meshes: hit or miss and t agree but for at most
 // 1 ray in 10,000 (Embree works in float; each kind of difference is within its rounding).
+#if __has_include(<embree4/rtcore.h>)
+#include <embree4/rtcore.h>
+#else
 #include <embree3/rtcore.h>
+#endif
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -48,8 +52,6 @@ class EmbreeScene {
 
   /// t, or infinity.
   double Closest(const RayF& ray) const {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
     RTCRayHit query{};
     query.ray = {ray.origin.x,
                  ray.origin.y,
@@ -64,7 +66,13 @@ class EmbreeScene {
                  0,
                  0};
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+#if RTC_VERSION_MAJOR >= 4
+    rtcIntersect1(scene_, &query);
+#else
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
     rtcIntersect1(scene_, &context, &query);
+#endif
     return query.hit.geomID == RTC_INVALID_GEOMETRY_ID ? std::numeric_limits<double>::infinity()
                                                        : static_cast<double>(query.ray.tfar);
   }
