@@ -60,27 +60,4 @@ std::size_t Admission::queued() const {
   return queue_.size();
 }
 
-api::Outcome<MemoryBudget::Share> MemoryBudget::Take(std::uint64_t bytes) {
-  const std::lock_guard lock(mutex_);
-  if (used_ > 0 && bytes > limit_ - std::min(limit_, used_)) {
-    return Problem{.code = ErrorCode::kMemoryFull,
-                   .detail = "the requests under way hold the memory that this one needs",
-                   .limit = static_cast<double>(limit_),
-                   .actual = static_cast<double>(used_) + static_cast<double>(bytes),
-                   .retry_after_s = kRetryAfterSeconds};
-  }
-  used_ += bytes;
-  return Share(this, bytes);
-}
-
-void MemoryBudget::Return(std::uint64_t bytes) {
-  const std::lock_guard lock(mutex_);
-  used_ -= bytes;
-}
-
-std::uint64_t MemoryBudget::used() const {
-  const std::lock_guard lock(mutex_);
-  return used_;
-}
-
 }  // namespace kdray::server

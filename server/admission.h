@@ -4,7 +4,6 @@
 
 #include <condition_variable>
 #include <cstddef>
-#include <cstdint>
 #include <list>
 #include <mutex>
 #include <utility>
@@ -56,46 +55,6 @@ class Admission {
   std::condition_variable changed_;
   std::size_t running_ = 0;
   std::list<char> queue_;  ///< one element a waiter, the first in line first
-};
-
-/// Bytes that requests under way may hold together. Safe from many threads at once.
-class MemoryBudget {
- public:
-  explicit MemoryBudget(std::uint64_t bytes) : limit_(bytes) {}
-
-  /// Some of the budget, for as long as it lives.
-  class Share {
-   public:
-    Share() = default;
-    Share(Share&& other) noexcept
-        : budget_(std::exchange(other.budget_, nullptr)), bytes_(other.bytes_) {}
-    Share& operator=(Share&& other) noexcept {
-      std::swap(budget_, other.budget_);
-      std::swap(bytes_, other.bytes_);
-      return *this;
-    }
-    ~Share() {
-      if (budget_ != nullptr) budget_->Return(bytes_);
-    }
-
-   private:
-    friend class MemoryBudget;
-    Share(MemoryBudget* budget, std::uint64_t bytes) : budget_(budget), bytes_(bytes) {}
-    MemoryBudget* budget_ = nullptr;
-    std::uint64_t bytes_ = 0;
-  };
-
-  /// memory_full when `bytes` are not free now. A request that needs more than there is gets in
-  /// alone: limits of their own (api/limits.h) say what is too large.
-  api::Outcome<Share> Take(std::uint64_t bytes);
-  std::uint64_t used() const;
-
- private:
-  void Return(std::uint64_t bytes);
-
-  const std::uint64_t limit_;
-  mutable std::mutex mutex_;
-  std::uint64_t used_ = 0;
 };
 
 }  // namespace kdray::server

@@ -11,6 +11,7 @@
 #include "server/admission.h"
 #include "server/engine.h"
 #include "server/http/message.h"
+#include "server/request_memory.h"
 
 namespace kdray::server {
 
@@ -39,7 +40,7 @@ struct Services {
   Engine& engine;
   const api::Limits& limits;
   Admission& admission;
-  MemoryBudget& memory;
+  RequestMemory& memory;
   const std::atomic<bool>& draining;  ///< the daemon is about to end
   bool with_tokens = false;  ///< answers are for one client: caches between must not keep them
 };

@@ -13,6 +13,7 @@
 #include "server/engine.h"
 #include "server/http/message.h"
 #include "server/log.h"
+#include "server/request_memory.h"
 #include "server/routes.h"
 
 namespace kdray::server {
@@ -39,6 +40,9 @@ class Service final : public HttpHandler {
   /// From now on only open routes are answered, everything else is refused with `draining`.
   void Drain() { draining_ = true; }
 
+  /// Of the memory of requests.
+  std::uint64_t request_memory_used() const { return memory_.used(); }
+
  private:
   api::Outcome<HttpResponse> Answer(const HttpRequest& request, const RouteMatch& match,
                                     ServerTiming& timing) const;
@@ -48,7 +52,7 @@ class Service final : public HttpHandler {
   const Log& log_;
   std::atomic<bool> draining_{false};
   Admission admission_;
-  MemoryBudget memory_;
+  RequestMemory memory_;
   const Services services_;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "core/base/hash.h"
 
@@ -14,8 +15,7 @@ using api::Problem;
 
 /// Body, rows and answer of a batch are of about one size.
 constexpr std::uint64_t kMemoryPerBodyByte = 3;
-/// Memory is touched as the body arrives, not as a client declares it.
-constexpr std::size_t kBodyPieceBytes = std::size_t{1} << 20;
+constexpr std::size_t kBodyPieceBytes = std::size_t{64} << 10;
 
 std::string_view Trim(std::string_view text) {
   const auto first = text.find_first_not_of(" \t");
@@ -36,19 +36,16 @@ api::Outcome<RequestBody> ReadWholeBody(const Services& services, const Call& ca
                    .limit = static_cast<double>(max_bytes),
                    .actual = static_cast<double>(size)};
   }
-  auto share = services.memory.Take(size * kMemoryPerBodyByte);
-  if (!share) return std::move(share).problem();
-  RequestBody body{.text = {}, .share = *std::move(share)};
-  while (body.text.size() < size) {
-    const std::size_t before = body.text.size();
-    const auto piece =
-        static_cast<std::size_t>(std::min<std::uint64_t>(size - before, kBodyPieceBytes));
-    body.text.resize(before + piece);
-    const auto count = peer.ReadBody(std::as_writable_bytes(std::span(body.text)).subspan(before));
+  if (auto problem = services.memory.Check(size * kMemoryPerBodyByte)) return *std::move(problem);
+  RequestMemory::Body body(&services.memory, kMemoryPerBodyByte);
+  std::vector<std::byte> piece(std::min<std::uint64_t>(size, kBodyPieceBytes));
+  for (std::uint64_t taken = 0; taken < size;) {
+    const auto count = peer.ReadBody(piece);
     if (!count) return count.problem();
-    body.text.resize(before + *count);
+    if (auto problem = body.Append(std::span(piece).first(*count))) return *std::move(problem);
+    taken += *count;
   }
-  return body;
+  return body.Finish();
 }
 
 api::Check RefuseBody(const Call& call) {

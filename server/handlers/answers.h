@@ -10,14 +10,11 @@
 namespace kdray::server {
 
 /// A body in memory, with its share of the memory of requests.
-struct RequestBody {
-  std::string text;
-  MemoryBudget::Share share;
-};
+using RequestBody = RequestMemory::Body::Whole;
 
-/// body_too_large beyond `max_bytes`, memory_full, or what ReadBody() of the peer says; all but the
-/// last before a byte is read. Reserves several times the body, for what is made from it (rows in
-/// memory, the answer).
+/// body_too_large beyond `max_bytes`, memory_full, or what ReadBody() of the peer says. Takes
+/// several times the body, for what is made from it (rows in memory, the answer), as its bytes
+/// arrive. A declared length for which there is no memory now is refused before a byte is read.
 api::Outcome<RequestBody> ReadWholeBody(const Services& services, const Call& call,
                                         std::uint64_t max_bytes);
 

@@ -660,5 +660,60 @@ TEST_F(SmallService, RefusesBodiesThatDoNotFitIntoItsMemoryNow) {
   EXPECT_EQ(running_.Ask("POST", path, kRays).status, 200);
 }
 
+TEST_F(ServiceOverHttp, ABodyThatIsDeclaredAndDoesNotComeExcludesNobody) {
+  const std::string path = Tree("/rays/any");
+  // More than all memory of requests, and a few bytes of it.
+  RawClient slow(running_.port());
+  const std::string size = std::to_string(std::uint64_t{360} << 20);
+  slow.Send("POST " + path + " HTTP/1.1\r\nHost: a\r\nContent-Length: " + size +
+            "\r\n\r\n{\"rays\":[");
+  RawClient slow_upload(running_.port());
+  slow_upload.Send("POST /v1/trees HTTP/1.1\r\nHost: a\r\nContent-Length: " + size +
+                   "\r\n\r\nOFF\n");
+  WaitFor([&] { return running_.service().request_memory_used() > 0; });
+  for (int i = 0; i < 50; ++i) {
+    EXPECT_EQ(running_.Ask("POST", path, kRays).status, 200);
+    EXPECT_EQ(running_.Ask("GET", Tree("/render.png?width=64&height=64")).status, 200);
+  }
+  slow.Send("[0,0");
+  EXPECT_EQ(running_.Ask("POST", path, kRays).status, 200);
+}
+
+// Each byte of a body counts three: room for two bodies without their last five bytes.
+class TightService : public ServiceOverHttp {
+ protected:
+  TightService() : ServiceOverHttp(Tight()) {}
+  static ServiceOptions Tight() {
+    ServiceOptions options;
+    options.request_memory_bytes = 6 * std::string_view(kRays).size() - 30;
+    return options;
+  }
+};
+
+TEST_F(TightService, RefusesTheNewestBodyWhenItsMemoryIsFull) {
+  const std::string path = Tree("/rays/any");
+  const std::string_view rays = kRays;
+  const auto begin = [&](RawClient& client, std::string_view first_bytes) {
+    const std::uint64_t used = running_.service().request_memory_used();
+    client.Send("POST " + path + " HTTP/1.1\r\nHost: a\r\nContent-Length: " +
+                std::to_string(rays.size()) + "\r\n\r\n");
+    client.Send(first_bytes);
+    WaitFor(
+        [&] { return running_.service().request_memory_used() == used + 3 * first_bytes.size(); });
+  };
+  RawClient older(running_.port()), newest(running_.port());
+  begin(older, rays.substr(0, rays.size() - 10));
+  begin(newest, rays.substr(0, rays.size() - 1));
+  older.Send(rays.substr(rays.size() - 10));
+  const auto answered = older.Read();
+  ASSERT_TRUE(answered);
+  EXPECT_EQ(answered->status, 200) << answered->body;
+  newest.Send(rays.substr(rays.size() - 1));
+  const auto refused = newest.Read();
+  ASSERT_TRUE(refused);
+  EXPECT_EQ(RunningService::CodeOf(*refused), "memory_full");
+  EXPECT_EQ(running_.Ask("POST", path, kRays).status, 200);
+}
+
 }  // namespace
 }  // namespace kdray::server

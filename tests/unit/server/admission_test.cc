@@ -117,33 +117,5 @@ TEST(Admission, NeverLetsMoreRunUnderLoad) {
   EXPECT_LE(most, 3);
 }
 
-TEST(MemoryBudget, RefusesWhatDoesNotFitNow) {
-  MemoryBudget budget(100);
-  auto first = budget.Take(60);
-  EXPECT_TRUE(first.ok());
-  EXPECT_TRUE(budget.Take(40).ok());
-  const auto refused = budget.Take(41);
-  ASSERT_FALSE(refused.ok());
-  EXPECT_EQ(refused.problem().code, ErrorCode::kMemoryFull);
-  EXPECT_EQ(refused.problem().retry_after_s, 1);
-}
-
-TEST(MemoryBudget, TakesBackWhatIsNoLongerHeld) {
-  MemoryBudget budget(100);
-  {
-    MemoryBudget::Share share = *budget.Take(100);
-    const MemoryBudget::Share moved = std::move(share);
-    EXPECT_EQ(budget.used(), 100U);
-  }
-  EXPECT_EQ(budget.used(), 0U);
-}
-
-TEST(MemoryBudget, LetsALargeRequestInAlone) {
-  MemoryBudget budget(100);
-  const auto large = budget.Take(1'000'000);
-  EXPECT_TRUE(large.ok());
-  EXPECT_FALSE(budget.Take(1).ok());
-}
-
 }  // namespace
 }  // namespace kdray::server
