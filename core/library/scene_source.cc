@@ -145,16 +145,25 @@ class SceneSource::Attempt {
   Fetched fetched_;
 };
 
-Result<SceneSource::Fetched> SceneSource::Fetch(
-    const TreeRecord& record, Watch* watch, const std::function<void(const MeshFacts&)>& on_mesh) {
+Result<MemoryCharge> SceneSource::Reserve(std::uint64_t bytes, Watch* watch, const Hooks& hooks) {
+  if (Status status = budget_->CheckCouldFit(bytes); !status.ok()) return std::move(status).error();
+  if (std::optional<MemoryCharge> charge = budget_->TryReserve(bytes)) return *std::move(charge);
+  const std::optional<WorkQueue::Aside> aside = hooks.step_aside();
+  if (!aside) {
+    return Error{ErrorCode::kMemoryFull, "too much other work waits for memory already"};
+  }
+  return budget_->Reserve(bytes, watch->cancel, &watch->waits_for_memory);
+}
+
+Result<SceneSource::Fetched> SceneSource::Fetch(const TreeRecord& record, Watch* watch,
+                                                const Hooks& hooks) {
   std::uint64_t needed = 0;
   try {
     for (;;) {
-      Result<MemoryCharge> charge =
-          budget_->Reserve(needed, watch->cancel, &watch->waits_for_memory);
+      Result<MemoryCharge> charge = Reserve(needed, watch, hooks);
       if (!charge.ok()) return std::move(charge).error();
       Attempt attempt(this, record, watch, *std::move(charge));
-      Result<Fetched> fetched = attempt.Run(on_mesh);
+      Result<Fetched> fetched = attempt.Run(hooks.on_mesh);
       if (fetched.ok() || attempt.needed() == 0) return fetched;
       needed = std::max(needed + 1, attempt.needed());
     }

@@ -5,11 +5,13 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "core/base/cancel.h"
 #include "core/base/parallel.h"
 #include "core/base/progress.h"
 #include "core/base/result.h"
+#include "core/library/work_queue.h"
 #include "core/scene/memory_budget.h"
 #include "core/scene/prepared_mesh.h"
 #include "core/scene/scene.h"
@@ -45,12 +47,18 @@ class SceneSource {
     bool was_built = false;
   };
 
-  /// The scene of `record`, in memory. `on_mesh` is told the facts as soon as the mesh is there.
-  /// Waits for memory when others hold it. Errors: those of PrepareMesh and BuildTree;
+  struct Hooks {
+    /// Told the facts as soon as the mesh is there.
+    std::function<void(const MeshFacts&)> on_mesh;
+    /// Asked before the work waits for memory: another may have its thread's place meanwhile.
+    std::function<std::optional<WorkQueue::Aside>()> step_aside;
+  };
+  /// The scene of `record`, in memory. Waits for memory when others hold it, by the rule of
+  /// MemoryBudget, and holds none meanwhile. Errors: those of PrepareMesh and BuildTree;
   /// kMeshTooLarge when the memory limit could never hold it; kCorrupt, kNotFound, kIo when the
-  /// mesh file itself cannot be read; kMemoryFull when the system refuses memory.
-  Result<Fetched> Fetch(const TreeRecord& record, Watch* watch,
-                        const std::function<void(const MeshFacts&)>& on_mesh);
+  /// mesh file itself cannot be read; kMemoryFull when it waited in vain, or as many wait already
+  /// as may, or the system refuses memory.
+  Result<Fetched> Fetch(const TreeRecord& record, Watch* watch, const Hooks& hooks);
 
   /// Puts what Fetch made on disk, as far as there is room.
   void Store(const TreeId& id, const Fetched& fetched);
@@ -61,6 +69,7 @@ class SceneSource {
 
  private:
   class Attempt;
+  Result<MemoryCharge> Reserve(std::uint64_t bytes, Watch* watch, const Hooks& hooks);
 
   SceneStore* store_;
   TreeCache* cache_;

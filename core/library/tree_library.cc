@@ -21,6 +21,9 @@ std::int64_t NowMs() {
 }
 
 Error NoSuchTree() { return Error{ErrorCode::kNotFound, "no tree has this id"}; }
+Error NoMemoryForBuilds() {
+  return Error{ErrorCode::kMemoryFull, "the builds under way need all memory"};
+}
 Error NoSuchMesh() { return Error{ErrorCode::kNotFound, "no mesh has this SHA-256"}; }
 
 }  // namespace
@@ -32,8 +35,8 @@ TreeLibrary::TreeLibrary(const LibraryOptions& options, std::unique_ptr<SceneSto
       pledges_(options.memory_limit_bytes),
       arena_(options.build_threads),
       source_(store_.get(), &cache_, &budget_, &arena_),
-      queue_(kLoadThreads, kBuildThreads) {
-  budget_.set_reclaim([this](std::uint64_t bytes) { return cache_.EvictIdle(bytes); });
+      queue_(kLoadThreads, kBuildThreads, kAsideThreads) {
+  budget_.set_reclaim([this](std::uint64_t bytes) { return cache_.EvictIdleIfEnough(bytes); });
 }
 
 Result<std::unique_ptr<TreeLibrary>> TreeLibrary::Open(const LibraryOptions& options) {
@@ -63,31 +66,25 @@ void TreeLibrary::Adopt(std::vector<TreeRecord> records) {
 }
 
 Result<TreeLibrary::Upload> TreeLibrary::BeginUpload(std::uint64_t bytes) {
-  const std::uint64_t wanted = EstimatePrepareBytes(bytes);
-  if (wanted > budget_.limit()) {
-    return Error{ErrorCode::kMeshTooLarge, "a mesh of " + std::to_string(bytes) +
-                                               " bytes needs about " + std::to_string(wanted) +
-                                               " bytes of memory; the limit is " +
-                                               std::to_string(budget_.limit())};
+  if (store_->limit() && bytes > *store_->limit()) return TooLargeForStore(bytes);
+  if (Status status = budget_.CheckCouldFit(LeastPrepareBytes(bytes)); !status.ok()) {
+    return std::move(status).error();
   }
-  std::optional<MemoryCharge> pledge = pledges_.TryReserve(wanted);
-  if (!pledge) {
-    return Error{ErrorCode::kMemoryFull, "the uploads and builds under way need all memory"};
-  }
-  Result<DiskRoom> room = MakeRoom(bytes);
-  if (!room.ok()) return std::move(room).error();
-  Result<NewMesh> file = store_->BeginMesh(bytes, *std::move(room));
+  if (!pledges_.TryReserve(UsualPrepareBytes(bytes))) return NoMemoryForBuilds();
+  Result<NewMesh> file = store_->BeginMesh(bytes);
   if (!file.ok()) return std::move(file).error();
-  return Upload(*std::move(file), *std::move(pledge));
+  return Upload(*std::move(file));
+}
+
+Error TreeLibrary::TooLargeForStore(std::uint64_t bytes) const {
+  return Error{ErrorCode::kMeshTooLarge, "a mesh of " + std::to_string(bytes) +
+                                             " bytes is larger than the store, which takes " +
+                                             std::to_string(*store_->limit())};
 }
 
 // Derived files give way first, then whole meshes that nothing is under way for.
 Result<DiskRoom> TreeLibrary::MakeRoom(std::uint64_t bytes) {
-  if (store_->limit() && bytes > *store_->limit()) {
-    return Error{ErrorCode::kMeshTooLarge, "a mesh of " + std::to_string(bytes) +
-                                               " bytes is larger than the store, which takes " +
-                                               std::to_string(*store_->limit())};
-  }
+  if (store_->limit() && bytes > *store_->limit()) return TooLargeForStore(bytes);
   for (;;) {
     if (std::optional<DiskRoom> room = store_->MakeRoom(bytes)) return *std::move(room);
     std::set<std::string> busy;
@@ -106,25 +103,60 @@ Result<DiskRoom> TreeLibrary::MakeRoom(std::uint64_t bytes) {
 Result<TreeLibrary::Added> TreeLibrary::Finish(Upload upload, std::optional<BuildKind> build) {
   const std::uint64_t bytes = upload.file_.bytes();
   if (bytes == 0) return Error{ErrorCode::kEmptyMesh, "the mesh has no bytes"};
-  const Sha256Digest mesh = upload.file_.Digest();
-  const auto is_stored = [&] {
-    const std::lock_guard lock(mutex_);
-    return HasMesh(mesh) && !damaged_meshes_.contains(mesh);
-  };
-  // The slow part before the lock; should the mesh be deleted meanwhile, Commit does it.
-  if (!is_stored()) {
-    if (Status status = upload.file_.Sync(); !status.ok()) return std::move(status).error();
+  const TreeId id{upload.file_.Digest(), build};
+  // Before anything is given up for it. It may be refused later all the same.
+  if (Result<MemoryCharge> pledge = Pledge(id, bytes); !pledge.ok()) {
+    return std::move(pledge).error();
   }
-  const std::lock_guard files_lock(MeshMutex(mesh));
-  if (!is_stored()) {
-    if (Status status = store_->Commit(mesh, std::move(upload.file_)); !status.ok()) {
-      RemoveUnusedMesh(mesh);
-      return std::move(status).error();
+  std::optional<DiskRoom> room;
+  for (;;) {
+    // The slow part before the lock.
+    if (!room && !IsStored(id.mesh)) {
+      Result<DiskRoom> made = MakeRoom(bytes);
+      if (!made.ok()) return std::move(made).error();
+      room.emplace(*std::move(made));
+      if (Status status = upload.file_.Sync(); !status.ok()) return std::move(status).error();
     }
-    const std::lock_guard lock(mutex_);
-    damaged_meshes_.erase(mesh);
+    const std::lock_guard files_lock(MeshMutex(id.mesh));
+    const bool is_stored = IsStored(id.mesh);
+    if (!is_stored && !room) continue;  // deleted meanwhile
+    Result<MemoryCharge> pledge = Pledge(id, bytes);
+    if (!pledge.ok()) return std::move(pledge).error();
+    if (!is_stored) {
+      Status status = store_->Commit(id.mesh, std::move(upload.file_), *std::move(room));
+      if (!status.ok()) {
+        RemoveUnusedMesh(id.mesh);
+        return std::move(status).error();
+      }
+      const std::lock_guard lock(mutex_);
+      damaged_meshes_.erase(id.mesh);
+    }
+    return Add(id, bytes, *std::move(pledge));
   }
-  return Add({mesh, build}, bytes, std::move(upload.pledge_));
+}
+
+bool TreeLibrary::IsStored(const Sha256Digest& mesh) {
+  const std::lock_guard lock(mutex_);
+  return HasMesh(mesh) && !damaged_meshes_.contains(mesh);
+}
+
+// Nothing is pledged for a tree that is there or under way.
+Result<MemoryCharge> TreeLibrary::Pledge(const TreeId& id, std::uint64_t mesh_bytes) {
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = entries_.find(id);
+    if (found != entries_.end() && (found->second.record.tree || found->second.flight)) {
+      return MemoryCharge();
+    }
+  }
+  std::optional<MemoryCharge> pledge = pledges_.TryReserve(UsualPrepareBytes(mesh_bytes));
+  if (!pledge) return NoMemoryForBuilds();
+  return *std::move(pledge);
+}
+
+// Pledged for a mesh. A larger one than usual is still let in alone.
+std::uint64_t TreeLibrary::UsualPrepareBytes(std::uint64_t mesh_bytes) const {
+  return std::min(EstimatePrepareBytes(mesh_bytes), pledges_.limit());
 }
 
 Result<TreeLibrary::Added> TreeLibrary::AddBuild(const Sha256Digest& mesh,
@@ -137,10 +169,8 @@ Result<TreeLibrary::Added> TreeLibrary::AddBuild(const Sha256Digest& mesh,
     if (sibling == entries_.end()) return NoSuchMesh();
     bytes = sibling->second.record.mesh_bytes;
   }
-  std::optional<MemoryCharge> pledge = pledges_.TryReserve(EstimatePrepareBytes(bytes));
-  if (!pledge) {
-    return Error{ErrorCode::kMemoryFull, "the uploads and builds under way need all memory"};
-  }
+  Result<MemoryCharge> pledge = Pledge({mesh, build}, bytes);
+  if (!pledge.ok()) return std::move(pledge).error();
   return Add({mesh, build}, bytes, *std::move(pledge));
 }
 

@@ -74,21 +74,21 @@ class TreeLibrary {
 
    private:
     friend class TreeLibrary;
-    Upload(NewMesh file, MemoryCharge pledge)
-        : file_(std::move(file)), pledge_(std::move(pledge)) {}
+    explicit Upload(NewMesh file) : file_(std::move(file)) {}
     NewMesh file_;
-    MemoryCharge pledge_;
   };
-  /// kMeshTooLarge when `bytes` of mesh could never be held, kMemoryFull when the uploads and
-  /// builds under way leave no memory for it, kStoreFull.
+  /// `bytes` are what the client declares. They take nothing from anybody: no memory, and no file
+  /// goes for them. kMeshTooLarge when so large a mesh could never be held or stored; kMemoryFull
+  /// when the builds under way leave no memory for it now; kStoreFull when the disk has no room.
   Result<Upload> BeginUpload(std::uint64_t bytes);
 
   struct Added {
     TreeId id;
     bool existed = false;
   };
-  /// The mesh is durable and its build is under way or done when this returns. kEmptyMesh without
-  /// a byte; kStoreFull; kIo.
+  /// The mesh is durable and its build is under way or done when this returns. Under a store limit
+  /// other meshes may have gone for it, least recently used first. kEmptyMesh without a byte;
+  /// kMemoryFull when the builds under way leave no memory for it; kStoreFull; kIo.
   Result<Added> Finish(Upload upload, std::optional<BuildKind> build);
   /// Another build of a mesh that is there; kNotFound when it is not.
   Result<Added> AddBuild(const Sha256Digest& mesh, std::optional<BuildKind> build);
@@ -156,10 +156,16 @@ class TreeLibrary {
   // Short jobs that somebody waits for, and builds; the latter each use the whole arena.
   static constexpr int kLoadThreads = 2;
   static constexpr int kBuildThreads = 2;
+  // And those that wait for memory meanwhile.
+  static constexpr int kAsideThreads = 32;
 
   TreeLibrary(const LibraryOptions& options, std::unique_ptr<SceneStore> store);
   void Adopt(std::vector<TreeRecord> records);
   Result<DiskRoom> MakeRoom(std::uint64_t bytes);
+  bool IsStored(const Sha256Digest& mesh);
+  Error TooLargeForStore(std::uint64_t bytes) const;
+  std::uint64_t UsualPrepareBytes(std::uint64_t mesh_bytes) const;
+  Result<MemoryCharge> Pledge(const TreeId& id, std::uint64_t mesh_bytes);
   Result<Added> Add(const TreeId& id, std::uint64_t mesh_bytes, MemoryCharge pledge);
   Status DropMesh(const Sha256Digest& mesh);
   void ForgetAndRemoveFiles(const TreeId& id, const Error& error);
@@ -195,7 +201,7 @@ class TreeLibrary {
   const LibraryOptions options_;
   std::unique_ptr<SceneStore> store_;
   MemoryBudget budget_;
-  MemoryBudget pledges_;  // memory that uploads and builds under way will want
+  MemoryBudget pledges_;  // memory that builds under way will want
   TreeCache cache_;
   Arena arena_;
   SceneSource source_;

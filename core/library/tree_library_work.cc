@@ -20,6 +20,10 @@ bool IsMeshsFault(ErrorCode code) {
          code == ErrorCode::kUnsupportedMeshFormat;
 }
 
+WorkQueue::Lane LaneOf(const TreeRecord& record) {
+  return record.tree ? WorkQueue::Lane::kLoad : WorkQueue::Lane::kBuild;
+}
+
 Error ShuttingDown() { return Error{ErrorCode::kCancelled, "shutting down"}; }
 
 }  // namespace
@@ -49,8 +53,7 @@ void TreeLibrary::StartFlight(Entry* entry, MemoryCharge pledge) {
   if (shut_down_) return;
   const TreeRecord& record = entry->record;
   entry->flight = std::make_shared<Flight>(record.id, std::move(pledge));
-  queue_.Submit(record.id.mesh, record.tree ? WorkQueue::Lane::kLoad : WorkQueue::Lane::kBuild,
-                [this, flight = entry->flight] { Fly(flight); });
+  queue_.Submit(record.id.mesh, LaneOf(record), [this, flight = entry->flight] { Fly(flight); });
 }
 
 void TreeLibrary::Land(Entry* entry, std::optional<Error> error) {
@@ -77,12 +80,15 @@ void TreeLibrary::Fly(const std::shared_ptr<Flight>& flight) {
     if (entry == nullptr) return;
     record = entry->record;
   }
+  const SceneSource::Hooks hooks{.on_mesh =
+                                     [&](const MeshFacts& facts) {
+                                       const std::lock_guard lock(mutex_);
+                                       if (Entry* entry = EntryOf(*flight))
+                                         entry->record.mesh = facts;
+                                     },
+                                 .step_aside = [&] { return queue_.StepAside(LaneOf(record)); }};
   try {
-    const Result<SceneSource::Fetched> fetched =
-        source_.Fetch(record, &flight->watch, [&](const MeshFacts& facts) {
-          const std::lock_guard lock(mutex_);
-          if (Entry* entry = EntryOf(*flight)) entry->record.mesh = facts;
-        });
+    const Result<SceneSource::Fetched> fetched = source_.Fetch(record, &flight->watch, hooks);
     if (fetched.ok()) {
       if (Succeed(flight.get(), *fetched)) Persist(record, *fetched);
     } else {

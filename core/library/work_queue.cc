@@ -4,8 +4,11 @@
 
 namespace kdray::core {
 
-WorkQueue::WorkQueue(int load_threads, int build_threads) : max_builds_(build_threads) {
-  for (int i = 0; i < load_threads + build_threads; ++i) {
+WorkQueue::WorkQueue(int load_threads, int build_threads, int aside_threads)
+    : max_running_(load_threads + build_threads),
+      max_builds_(build_threads),
+      max_aside_(aside_threads) {
+  for (int i = 0; i < max_running_ + max_aside_; ++i) {
     threads_.emplace_back([this] { Work(); });
   }
 }
@@ -17,6 +20,23 @@ void WorkQueue::Submit(const Sha256Digest& key, Lane lane, std::function<void()>
   if (stopping_) return;
   jobs_.push_back({key, lane, std::move(job)});
   changed_.notify_all();
+}
+
+std::optional<WorkQueue::Aside> WorkQueue::StepAside(Lane lane) {
+  const std::lock_guard lock(mutex_);
+  if (aside_ >= max_aside_) return std::nullopt;
+  ++aside_;
+  --running_;
+  running_builds_ -= lane == Lane::kBuild ? 1 : 0;
+  changed_.notify_all();
+  return Aside(this, lane);
+}
+
+void WorkQueue::StepBack(Lane lane) {
+  const std::lock_guard lock(mutex_);
+  --aside_;
+  ++running_;
+  running_builds_ += lane == Lane::kBuild ? 1 : 0;
 }
 
 void WorkQueue::Stop() {
@@ -33,6 +53,7 @@ void WorkQueue::Stop() {
 }
 
 std::list<WorkQueue::Job>::iterator WorkQueue::NextRunnable() {
+  if (running_ >= max_running_) return jobs_.end();
   std::set<Sha256Digest> earlier;  // keys of jobs that came before and wait themselves
   auto build = jobs_.end();
   for (auto job = jobs_.begin(); job != jobs_.end(); ++job) {
@@ -53,6 +74,7 @@ void WorkQueue::Work() {
     jobs_.erase(next);
     const bool is_build = job.lane == Lane::kBuild;
     busy_keys_.insert(job.key);
+    ++running_;
     running_builds_ += is_build ? 1 : 0;
 
     lock.unlock();
@@ -60,6 +82,7 @@ void WorkQueue::Work() {
     job.run = nullptr;  // what it holds goes now, outside the lock
     lock.lock();
 
+    --running_;
     running_builds_ -= is_build ? 1 : 0;
     busy_keys_.erase(job.key);
     changed_.notify_all();

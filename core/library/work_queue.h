@@ -8,8 +8,10 @@
 #include <functional>
 #include <list>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "core/base/hash.h"
@@ -24,11 +26,32 @@ class WorkQueue {
   /// all the threads.
   enum class Lane { kLoad, kBuild };
 
-  WorkQueue(int load_threads, int build_threads);
+  /// A job that waits for what is no processor: another has its place while this lives. At the end
+  /// there may be one more at work than there are places.
+  class Aside {
+   public:
+    Aside(Aside&& other) noexcept
+        : queue_(std::exchange(other.queue_, nullptr)), lane_(other.lane_) {}
+    Aside& operator=(Aside&&) = delete;
+    ~Aside() {
+      if (queue_ != nullptr) queue_->StepBack(lane_);
+    }
+
+   private:
+    friend class WorkQueue;
+    Aside(WorkQueue* queue, Lane lane) : queue_(queue), lane_(lane) {}
+    WorkQueue* queue_;
+    Lane lane_;
+  };
+
+  /// At most `load_threads` + `build_threads` jobs are at work, and `aside_threads` stand aside.
+  WorkQueue(int load_threads, int build_threads, int aside_threads);
   ~WorkQueue();  ///< as Stop
 
   /// Dropped without a trace after Stop.
   void Submit(const Sha256Digest& key, Lane lane, std::function<void()> job);
+  /// For a job of `lane` while it runs. nullopt when as many stand aside already as may.
+  std::optional<Aside> StepAside(Lane lane);
   /// Drops what has not begun and waits for what has.
   void Stop();
 
@@ -39,14 +62,18 @@ class WorkQueue {
     std::function<void()> run;
   };
   void Work();
+  void StepBack(Lane lane);
   std::list<Job>::iterator NextRunnable();
 
   std::mutex mutex_;
   std::condition_variable changed_;
   std::list<Job> jobs_;
   std::set<Sha256Digest> busy_keys_;
+  // Without those that stand aside:
+  int running_ = 0;
   int running_builds_ = 0;
-  const int max_builds_;
+  int aside_ = 0;
+  const int max_running_, max_builds_, max_aside_;
   bool stopping_ = false;
   std::vector<std::thread> threads_;
 };

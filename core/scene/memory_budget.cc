@@ -17,7 +17,7 @@ MemoryCharge::~MemoryCharge() { Shrink(0); }
 
 bool MemoryCharge::Grow(std::uint64_t bytes) {
   if (bytes <= bytes_) return true;
-  if (!budget_->TryTake(bytes - bytes_)) return false;
+  if (!budget_->TryTake(bytes - bytes_, true)) return false;
   bytes_ = bytes;
   return true;
 }
@@ -34,51 +34,73 @@ MemoryCharge MemoryCharge::Split(std::uint64_t bytes) {
   return MemoryCharge(budget_, taken);
 }
 
+Status MemoryBudget::CheckCouldFit(std::uint64_t bytes) const {
+  if (bytes <= limit_) return {};
+  return Error{ErrorCode::kMeshTooLarge, "this needs about " + std::to_string(bytes) +
+                                             " bytes of memory; the limit is " +
+                                             std::to_string(limit_)};
+}
+
 Result<MemoryCharge> MemoryBudget::Reserve(std::uint64_t bytes, const CancelToken& cancel,
                                            std::atomic<bool>* waiting) {
-  if (bytes > limit_) {
-    return Error{ErrorCode::kMeshTooLarge, "this needs about " + std::to_string(bytes) +
-                                               " bytes of memory; the limit is " +
-                                               std::to_string(limit_)};
-  }
+  if (Status status = CheckCouldFit(bytes); !status.ok()) return std::move(status).error();
+  if (TryTake(bytes, false)) return MemoryCharge(this, bytes);
+  // Made before anything is noted, so that a failed allocation leaves no trace.
+  Error no_memory{ErrorCode::kMemoryFull, "other work held the memory that this needs, about " +
+                                              std::to_string(bytes) + " of " +
+                                              std::to_string(limit_) + " bytes"};
   std::unique_lock lock(mutex_);
-  const std::uint64_t ticket = next_ticket_++;
-  waiting_.push_back(ticket);
-  std::optional<Error> stopped;
-  for (;;) {
-    if (waiting_.front() == ticket) {
-      if (used_ + bytes <= limit_) break;
-      const std::uint64_t missing = used_ + bytes - limit_;
-      lock.unlock();
-      const std::uint64_t freed = reclaim_ ? reclaim_(missing) : 0;
-      lock.lock();
-      if (freed != 0) continue;
+  const std::optional<WaitingLine::Place> place = line_.Enter(now_());
+  if (!place) return no_memory;
+  if (waiting != nullptr) *waiting = true;
+  // Whatever is thrown meanwhile, who is gone stays in no line.
+  struct Leaver {
+    MemoryBudget* budget;
+    std::unique_lock<std::mutex>* lock;
+    WaitingLine::Place place;
+    std::atomic<bool>* waiting;
+    ~Leaver() {
+      if (!lock->owns_lock()) lock->lock();
+      budget->line_.Leave(place);
+      if (waiting != nullptr) *waiting = false;
+      budget->changed_.notify_all();
     }
-    if (cancel.ShouldStop()) {
-      stopped = cancel.ToError();
-      break;
-    }
-    if (waiting != nullptr) *waiting = true;
+  } const leaver{this, &lock, *place, waiting};
+  while (!TakeInTurn(bytes, *place, &lock)) {
+    if (cancel.ShouldStop()) return cancel.ToError();
+    if (line_.MustGiveUp(*place, now_())) return no_memory;
     changed_.wait_for(lock, kLookAgain);
   }
-  if (waiting != nullptr) *waiting = false;
-  waiting_.erase(std::find(waiting_.begin(), waiting_.end(), ticket));
-  changed_.notify_all();
-  if (stopped) return *std::move(stopped);
-  used_ += bytes;
   return MemoryCharge(this, bytes);
+}
+
+// For one who waits; false when he has to go on waiting.
+bool MemoryBudget::TakeInTurn(std::uint64_t bytes, WaitingLine::Place place,
+                              std::unique_lock<std::mutex>* lock) {
+  while (line_.MayTake(place, now_())) {
+    if (used_ + bytes <= limit_) {
+      used_ += bytes;
+      return true;
+    }
+    const std::uint64_t missing = used_ + bytes - limit_;
+    lock->unlock();
+    const std::uint64_t freed = reclaim_ ? reclaim_(missing) : 0;
+    lock->lock();
+    if (freed == 0) return false;
+  }
+  return false;
 }
 
 std::optional<MemoryCharge> MemoryBudget::TryReserve(std::uint64_t bytes) {
-  if (!TryTake(bytes)) return std::nullopt;
+  if (!TryTake(bytes, false)) return std::nullopt;
   return MemoryCharge(this, bytes);
 }
 
-bool MemoryBudget::TryTake(std::uint64_t bytes) {
+bool MemoryBudget::TryTake(std::uint64_t bytes, bool passes_all) {
   if (bytes > limit_) return false;
   std::unique_lock lock(mutex_);
   for (;;) {
-    if (!waiting_.empty()) return false;
+    if (!passes_all && !line_.MayPass(now_())) return false;
     if (used_ + bytes <= limit_) {
       used_ += bytes;
       return true;

@@ -46,6 +46,9 @@ Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelT
 /// what binary PLY and STL need; a text file needs less.
 constexpr std::uint64_t EstimatePrepareBytes(std::uint64_t file_bytes) { return 5 * file_bytes; }
 
+/// What no mesh of so many bytes can do without: its bytes are held while they are parsed.
+constexpr std::uint64_t LeastPrepareBytes(std::uint64_t file_bytes) { return file_bytes + 4096; }
+
 /// What can be said about a tree without keeping it.
 struct TreeFacts {
   BuildKind build = BuildKind::kBox;

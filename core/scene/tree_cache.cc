@@ -84,9 +84,21 @@ void TreeCache::EraseMesh(const Sha256Digest& mesh) {
 }
 
 std::uint64_t TreeCache::EvictIdle(std::uint64_t bytes) {
-  Items old;
-  std::uint64_t freed = 0;
+  Items old;  // destroyed after the lock
   const std::lock_guard lock(mutex_);
+  return EvictLocked(bytes, &old);
+}
+
+std::uint64_t TreeCache::EvictIdleIfEnough(std::uint64_t bytes) {
+  Items old;
+  const std::lock_guard lock(mutex_);
+  std::uint64_t idle = 0;
+  for (const Item& item : items_) idle += item.IsIdle() ? item.bytes : 0;
+  return idle < bytes ? 0 : EvictLocked(bytes, &old);
+}
+
+std::uint64_t TreeCache::EvictLocked(std::uint64_t bytes, Items* old) {
+  std::uint64_t freed = 0;
   for (auto next = items_.end(); next != items_.begin() && freed < bytes;) {
     --next;
     // Only this cache hands out copies, under this lock, so an idle item stays idle until it goes.
@@ -95,7 +107,7 @@ std::uint64_t TreeCache::EvictIdle(std::uint64_t bytes) {
     freed += victim->bytes;
     ++evictions_;
     index_.erase(victim->key);
-    old.splice(old.begin(), items_, victim);
+    old->splice(old->begin(), items_, victim);
   }
   return freed;
 }

@@ -20,7 +20,7 @@ namespace kdray::core {
 
 /// Each item carries the memory that it was charged; the charge is given back when the last user
 /// lets go, so the budget is never wrong about a tree that was evicted or deleted while a query
-/// ran on it. Bounded by whoever asks EvictIdle for room (MemoryBudget::set_reclaim). A mesh counts
+/// ran on it. Bounded by whoever asks it for room (MemoryBudget::set_reclaim). A mesh counts
 /// as used whenever one of its trees is, so a tree goes before the mesh it needs. Safe from many
 /// threads at once; never waits for anything but its own short lock.
 class TreeCache {
@@ -43,6 +43,8 @@ class TreeCache {
   /// Lets go of items that nobody uses, least recently used first, until `bytes` are free or none
   /// is left; returns how many bytes were freed.
   std::uint64_t EvictIdle(std::uint64_t bytes);
+  /// The same when that will free `bytes`; otherwise nothing goes.
+  std::uint64_t EvictIdleIfEnough(std::uint64_t bytes);
 
   std::uint64_t evictions() const;
   std::size_t size() const;
@@ -65,6 +67,7 @@ class TreeCache {
   template <class T>
   std::shared_ptr<const T> Insert(const Key& key, T value, MemoryCharge charge);
   void MoveToFront(const Key& key);
+  std::uint64_t EvictLocked(std::uint64_t bytes, Items* old);
 
   mutable std::mutex mutex_;
   Items items_;  // most recently used first

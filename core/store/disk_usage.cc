@@ -8,6 +8,20 @@ DiskRoom::~DiskRoom() {
   usage_->reserved_ -= bytes_;
 }
 
+ArrivingRoom::~ArrivingRoom() {
+  if (usage_ == nullptr) return;
+  const std::lock_guard lock(usage_->mutex_);
+  usage_->arriving_ -= bytes_;
+}
+
+bool ArrivingRoom::Grow(std::uint64_t bytes) {
+  const std::lock_guard lock(usage_->mutex_);
+  if (!usage_->Fits(bytes, usage_->arriving_)) return false;
+  usage_->arriving_ += bytes;
+  bytes_ += bytes;
+  return true;
+}
+
 void DiskUsage::Erase(Group* group, std::list<File>::iterator file) {
   group->bytes -= file->bytes;
   group->index.erase(group->index.find(file->name));
@@ -46,6 +60,11 @@ std::optional<DiskRoom> DiskUsage::TryReserve(std::uint64_t bytes) {
   return DiskRoom(this, bytes);
 }
 
+bool DiskUsage::IsWithinLimit() const {
+  const std::lock_guard lock(mutex_);
+  return Fits(arriving_, TotalLocked() + reserved_);
+}
+
 bool DiskUsage::FitsBesideMeshes(std::uint64_t bytes) const {
   const std::lock_guard lock(mutex_);
   return Fits(bytes, At(FileGroup::kMeshes).bytes + reserved_);
@@ -72,6 +91,11 @@ std::uint64_t DiskUsage::TotalLocked() const {
   std::uint64_t total = 0;
   for (const Group& group : groups_) total += group.bytes;
   return total;
+}
+
+std::uint64_t DiskUsage::derived() const {
+  const std::lock_guard lock(mutex_);
+  return TotalLocked() - At(FileGroup::kMeshes).bytes;
 }
 
 std::uint64_t DiskUsage::total() const {

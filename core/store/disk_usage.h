@@ -38,7 +38,27 @@ class DiskRoom {
   std::uint64_t bytes_;
 };
 
-/// Safe from many threads at once.
+/// What an upload under way has on disk so far; no longer counted once destroyed. One thread at a
+/// time.
+class ArrivingRoom {
+ public:
+  ArrivingRoom(ArrivingRoom&& other) noexcept
+      : usage_(std::exchange(other.usage_, nullptr)), bytes_(std::exchange(other.bytes_, 0)) {}
+  ArrivingRoom& operator=(ArrivingRoom&&) = delete;
+  ~ArrivingRoom();
+
+  /// False when the uploads under way would come to more than the limit.
+  [[nodiscard]] bool Grow(std::uint64_t bytes);
+
+ private:
+  friend class DiskUsage;
+  explicit ArrivingRoom(DiskUsage* usage) : usage_(usage) {}
+  DiskUsage* usage_;
+  std::uint64_t bytes_ = 0;
+};
+
+/// The limit holds for the files. Uploads under way come on top, together at most as much again:
+/// until one is complete, no mesh has to go for it. Safe from many threads at once.
 class DiskUsage {
  public:
   explicit DiskUsage(std::optional<std::uint64_t> limit_bytes) : limit_(limit_bytes) {}
@@ -51,6 +71,10 @@ class DiskUsage {
 
   /// Nothing when it would go beyond the limit.
   std::optional<DiskRoom> TryReserve(std::uint64_t bytes);
+  /// For an upload, which begins with no bytes.
+  ArrivingRoom BeginArrival() { return ArrivingRoom(this); }
+  /// Whether files and uploads under way are within the limit.
+  bool IsWithinLimit() const;
   /// Whether there would be room for `bytes` with no derived file left.
   bool FitsBesideMeshes(std::uint64_t bytes) const;
   /// The file of a group that was used least recently, but for those in `except`.
@@ -61,10 +85,13 @@ class DiskUsage {
   std::uint64_t BytesOf(FileGroup group, std::string_view name) const;
   /// All files; room that is only reserved is not counted.
   std::uint64_t total() const;
+  /// Of them, those that are no meshes.
+  std::uint64_t derived() const;
   std::optional<std::uint64_t> limit() const { return limit_; }
 
  private:
   friend class DiskRoom;
+  friend class ArrivingRoom;
   struct File {
     std::string name;
     std::uint64_t bytes;
@@ -86,6 +113,7 @@ class DiskUsage {
   mutable std::mutex mutex_;
   std::array<Group, kFileGroups> groups_;
   std::uint64_t reserved_ = 0;
+  std::uint64_t arriving_ = 0;
 };
 
 }  // namespace kdray::core

@@ -29,6 +29,11 @@ bool IsOurs(FileGroup group, const std::string& name) {
 
 std::string DigestPart(const std::string& name) { return name.substr(0, 64); }
 
+Error DiskFull(std::uint64_t bytes, std::uint64_t free) {
+  return Error{ErrorCode::kStoreFull, "the disk has no room for " + std::to_string(bytes) +
+                                          " bytes; " + std::to_string(free) + " are free"};
+}
+
 Error DamagedMesh() { return Error{ErrorCode::kCorrupt, "the stored mesh is damaged"}; }
 
 }  // namespace
@@ -134,22 +139,39 @@ std::optional<Sha256Digest> SceneStore::OldestMesh(const std::set<std::string>& 
   return digest;
 }
 
-Result<NewMesh> SceneStore::BeginMesh(std::uint64_t bytes, DiskRoom room) {
+Result<NewMesh> SceneStore::BeginMesh(std::uint64_t bytes) {
   // Better to know now than after the client has sent everything.
-  for (;;) {
-    const Result<std::uint64_t> free = file_system_->FreeBytes(directory_);
-    if (!free.ok() || *free >= bytes) break;
-    if (!RemoveOldestDerived()) {
-      return Error{ErrorCode::kStoreFull, "the disk has no room for " + std::to_string(bytes) +
-                                              " bytes; " + std::to_string(*free) + " are free"};
-    }
-  }
+  const Result<std::uint64_t> free = file_system_->FreeBytes(directory_);
+  const std::uint64_t derived = usage_.derived();
+  if (free.ok() && bytes > *free && bytes - *free > derived) return DiskFull(bytes, *free);
   Result<NewBlob> blob = Blobs(FileGroup::kMeshes).Create();
   if (!blob.ok()) return std::move(blob).error();
-  return NewMesh(*std::move(blob), std::move(room));
+  return NewMesh(this, *std::move(blob), usage_.BeginArrival());
 }
 
-Status SceneStore::Commit(const Sha256Digest& mesh, NewMesh file) {
+Status NewMesh::Append(std::span<const std::byte> bytes) {
+  if (Status status = store_->MakeRoomForArrived(bytes.size(), &room_); !status.ok()) {
+    return status;
+  }
+  hash_.Update(bytes);
+  return blob_.Append(bytes);
+}
+
+// Derived files give way to bytes that are there, within the limit as on the disk.
+Status SceneStore::MakeRoomForArrived(std::uint64_t bytes, ArrivingRoom* room) {
+  if (!room->Grow(bytes)) {
+    return Error{ErrorCode::kStoreFull, "the uploads under way are as large as the store"};
+  }
+  while (!usage_.IsWithinLimit() && RemoveOldestDerived()) {
+  }
+  for (;;) {
+    const Result<std::uint64_t> free = file_system_->FreeBytes(directory_);
+    if (!free.ok() || *free >= bytes) return {};
+    if (!RemoveOldestDerived()) return DiskFull(bytes, *free);
+  }
+}
+
+Status SceneStore::Commit(const Sha256Digest& mesh, NewMesh file, DiskRoom /*room*/) {
   const std::string name = mesh.ToHex();
   if (Status status = file.blob_.Commit(name); !status.ok()) return status;
   usage_.Set(FileGroup::kMeshes, name, file.bytes());

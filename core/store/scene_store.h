@@ -36,14 +36,15 @@
 
 namespace kdray::core {
 
+class SceneStore;
+
 /// A mesh file on its way in: hashed and written while it arrives. Destroyed, it leaves nothing.
 /// One thread at a time.
 class NewMesh {
  public:
-  Status Append(std::span<const std::byte> bytes) {
-    hash_.Update(bytes);
-    return blob_.Append(bytes);
-  }
+  /// kStoreFull when the disk has no room for them, even without derived files, or the uploads
+  /// under way come to more than the limit.
+  Status Append(std::span<const std::byte> bytes);
   /// Of all that was appended; call once, at the end.
   Sha256Digest Digest() { return hash_.Finish(); }
   /// Puts it on stable storage under a temporary name; SceneStore::Commit names it, and does so
@@ -53,10 +54,12 @@ class NewMesh {
 
  private:
   friend class SceneStore;
-  NewMesh(NewBlob blob, DiskRoom room) : blob_(std::move(blob)), room_(std::move(room)) {}
+  NewMesh(SceneStore* store, NewBlob blob, ArrivingRoom room)
+      : store_(store), blob_(std::move(blob)), room_(std::move(room)) {}
 
+  SceneStore* store_;
   NewBlob blob_;
-  DiskRoom room_;
+  ArrivingRoom room_;
   Sha256 hash_;
 };
 
@@ -85,10 +88,10 @@ class SceneStore {
   /// The mesh to give up next, but for `except` (digests in hexadecimal).
   std::optional<Sha256Digest> OldestMesh(const std::set<std::string>& except) const;
   /// kStoreFull when the disk has no room for `bytes`, even without derived files, or cannot be
-  /// written.
-  Result<NewMesh> BeginMesh(std::uint64_t bytes, DiskRoom room);
-  /// Durable when it returns.
-  Status Commit(const Sha256Digest& mesh, NewMesh file);
+  /// written. Nothing is removed before the bytes are there.
+  Result<NewMesh> BeginMesh(std::uint64_t bytes);
+  /// Durable when it returns. `room`: what MakeRoom gave for it.
+  Status Commit(const Sha256Digest& mesh, NewMesh file, DiskRoom room);
   /// kCorrupt unless the bytes have the digest: hashes the whole file.
   Result<std::unique_ptr<ReadableFile>> OpenMesh(const Sha256Digest& mesh);
   Result<std::vector<std::byte>> ReadMesh(const Sha256Digest& mesh);
@@ -125,7 +128,9 @@ class SceneStore {
   std::uint64_t damaged_files() const { return damaged_; }
 
  private:
+  friend class NewMesh;
   explicit SceneStore(const Options& options);
+  Status MakeRoomForArrived(std::uint64_t bytes, ArrivingRoom* room);
   BlobStore& Blobs(FileGroup group) { return blobs_[static_cast<std::size_t>(group)]; }
   void Sweep(const std::set<std::string>& wanted, FileGroup group, std::vector<FileInfo> files);
   bool RemoveOldestDerived();

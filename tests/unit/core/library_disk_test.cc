@@ -421,9 +421,12 @@ TEST_F(LibraryDiskTest, AFullDiskStillServesAndGivesUpDerivedFilesForUploads) {
 
   Settle();
   disk_.set_capacity(0);
-  const auto refused = library_->BeginUpload(1000);
+  const auto refused = Upload(library_.get(), SphereBytes(3));
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kStoreFull);
+  const auto at_the_door = library_->BeginUpload(1000);
+  ASSERT_FALSE(at_the_door.ok()) << "no derived file is left to give up";
+  EXPECT_EQ(at_the_door.error().code, ErrorCode::kStoreFull);
   EXPECT_EQ(AnswersOf(library_.get(), id), expected) << "built again, kept in memory only";
 }
 
@@ -475,6 +478,7 @@ TEST_F(StoreLimitTest, DerivedFilesGoBeforeAnyMeshAndTheLeastRecentlyUsedFirst) 
     while (library_->counters().store_bytes == bytes_before) {
       auto upload = library_->BeginUpload(256);
       ASSERT_TRUE(upload.ok());
+      ASSERT_TRUE(upload->Append(std::vector<std::byte>(256)).ok());
       uploads.push_back(*std::move(upload));
     }
     EXPECT_EQ(files_left(), expected);
@@ -513,18 +517,54 @@ TEST_F(StoreLimitTest, TheOrderOfUseSurvivesARestart) {
   EXPECT_EQ(CodeOfFind(ids_[1]), ErrorCode::kNotFound);
 }
 
-TEST_F(StoreLimitTest, WhatIsUnderWayIsNotGivenUp) {
+TEST_F(StoreLimitTest, UploadsUnderWayAreTogetherNoLargerThanTheStore) {
   options_.store_limit_bytes = 2 * mesh_ + mesh_ / 2;
   Open();
-  auto first = library_->BeginUpload(mesh_);
-  auto second = library_->BeginUpload(mesh_);
-  ASSERT_TRUE(first.ok() && second.ok());
-  const auto third = library_->BeginUpload(mesh_);
+  std::vector<TreeLibrary::Upload> uploads;
+  for (int i = 0; i < 3; ++i) {
+    auto upload = library_->BeginUpload(mesh_);
+    ASSERT_TRUE(upload.ok());
+    uploads.push_back(*std::move(upload));
+  }
+  const std::vector<std::byte> bytes = SphereBytes(1, kRings);
+  EXPECT_TRUE(uploads[0].Append(bytes).ok());
+  EXPECT_TRUE(uploads[1].Append(bytes).ok());
+  const core::Status third = uploads[2].Append(bytes);
   ASSERT_FALSE(third.ok());
   EXPECT_EQ(third.error().code, ErrorCode::kStoreFull);
+  EXPECT_TRUE(library_->Finish(std::move(uploads[0]), BuildKind::kBox).ok());
   const auto never = library_->BeginUpload(3 * mesh_);
   ASSERT_FALSE(never.ok());
   EXPECT_EQ(never.error().code, ErrorCode::kMeshTooLarge);
+}
+
+TEST_F(StoreLimitTest, NoMeshGoesForAnUploadThatIsNotComplete) {
+  options_.store_limit_bytes = 3 * mesh_ + mesh_ / 8;
+  Open();
+  Fill(3);
+  {
+    auto upload = library_->BeginUpload(mesh_);
+    ASSERT_TRUE(upload.ok());
+    EXPECT_EQ(library_->counters().trees, 3u) << "announced";
+    std::vector<std::byte> bytes = SphereBytes(4, kRings);
+    bytes.pop_back();
+    ASSERT_TRUE(upload->Append(bytes).ok());
+    EXPECT_EQ(library_->counters().trees, 3u) << "all there except the last byte";
+  }
+  for (const TreeId& id : ids_) EXPECT_TRUE(Has("meshes", id));
+  EXPECT_TRUE(Upload(library_.get(), SphereBytes(4, kRings)).ok());
+  EXPECT_EQ(library_->counters().trees, 3u) << "the fourth took the place of the first";
+  EXPECT_FALSE(Has("meshes", ids_[0]));
+}
+
+TEST_F(StoreLimitTest, NoDerivedFileGoesForAnUploadThatIsOnlyAnnounced) {
+  Fill(2);
+  options_.store_limit_bytes = library_->counters().store_bytes;
+  Open();
+  const auto upload = library_->BeginUpload(*options_.store_limit_bytes);
+  EXPECT_TRUE(upload.ok());
+  EXPECT_EQ(FilesIn("trees"), 2u);
+  EXPECT_EQ(FilesIn("parsed"), 2u);
 }
 
 }  // namespace

@@ -174,10 +174,6 @@ TEST_F(TreeLibraryTest, GivesTheMeshsBytesBack) {
 
 TEST_F(TreeLibraryTest, AThousandAtOnceForOneColdMeshGetOneBuild) {
   const auto bytes = SphereBytes(1, 40);
-  // Every upload pledges memory for its mesh while it runs: with less than this, those that come
-  // when a thousand are under way are refused, as they should be.
-  options_.memory_limit_bytes = 1001 * core::EstimatePrepareBytes(bytes.size());
-  Open();
   std::atomic<int> existed{0};
   std::atomic<int> answered{0};
   std::vector<std::thread> clients;
@@ -347,14 +343,49 @@ TEST_F(FullMemoryTest, AMeshThatCouldNeverFitIsTooLarge) {
   EXPECT_EQ(library_->List(std::nullopt, std::nullopt, 10).size(), 1u);
 }
 
-TEST_F(FullMemoryTest, UploadsBeyondTheMemoryAreTurnedAwayAtTheDoor) {
-  const std::uint64_t bytes = options_.memory_limit_bytes / 11;
-  const auto first = library_->BeginUpload(bytes);
-  const auto second = library_->BeginUpload(bytes);
-  const auto third = library_->BeginUpload(bytes);
-  EXPECT_TRUE(first.ok() && second.ok());
-  ASSERT_FALSE(third.ok());
-  EXPECT_EQ(third.error().code, ErrorCode::kMemoryFull);
+TEST_F(FullMemoryTest, UploadsUnderWayExcludeNobody) {
+  const std::uint64_t bytes = options_.memory_limit_bytes / 2;
+  std::vector<TreeLibrary::Upload> slow;
+  for (int i = 0; i < 20; ++i) {
+    auto upload = library_->BeginUpload(bytes);
+    ASSERT_TRUE(upload.ok()) << upload.error().message;
+    ASSERT_TRUE(upload->Append(Bytes("OFF\n")).ok());
+    slow.push_back(*std::move(upload));
+  }
+  const TreeId id = Add(SphereBytes(3, 6), BuildKind::kBox);
+  EXPECT_TRUE(library_->Load(id, Soon()).ok());
+}
+
+TEST_F(FullMemoryTest, UploadsBeyondTheMemoryOfTheBuildsUnderWayAreTurnedAwayAtTheDoor) {
+  const std::optional<core::Scene> held = HoldSmall();
+  const TreeId waiting = UploadLarge();
+  EXPECT_FALSE(library_->Find(waiting)->ready());
+  const auto refused = library_->BeginUpload(options_.memory_limit_bytes / 5);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kMemoryFull);
+  EXPECT_TRUE(library_->Delete(waiting).ok());
+  EXPECT_TRUE(library_->BeginUpload(options_.memory_limit_bytes / 5).ok());
+}
+
+TEST_F(FullMemoryTest, SmallBuildsAndLoadsPassLargeBuildsThatWait) {
+  const TreeId on_disk = Add(SphereBytes(3, 6), BuildKind::kBox);
+  Settle();
+  const std::optional<core::Scene> held = HoldSmall();
+  // More of them than threads that build.
+  std::vector<TreeId> waiting;
+  for (int i = 0; i < 4; ++i) {
+    const auto added = Upload(library_.get(), SphereBytes(20 + i, kRings), BuildKind::kKdSah);
+    ASSERT_TRUE(added.ok()) << added.error().message;
+    waiting.push_back(added->id);
+  }
+  const TreeId small = Add(SphereBytes(4, 6), BuildKind::kBox);
+  EXPECT_TRUE(library_->Load(small, Soon()).ok());
+  EXPECT_TRUE(library_->Load(on_disk, Soon()).ok());
+  for (const TreeId& id : waiting) {
+    const auto info = library_->Find(id);
+    ASSERT_TRUE(info.ok());
+    EXPECT_FALSE(info->ready());
+  }
 }
 
 TEST_F(FullMemoryTest, ABuildWaitsForMemoryAndGoesOnWhenItIsFree) {
