@@ -52,8 +52,10 @@ void TreeLibrary::RunMeasuring(const TreeId& id, const std::shared_ptr<Measureme
     measured = Error{ErrorCode::kMemoryFull, "the system has no memory for this now"};
   } catch (const std::exception&) {  // stays what it was
   }
+  // Stored before anybody is told: what was answered is there after a restart.
   const std::lock_guard files_lock(MeshMutex(id.mesh));
-  if (measurements_.End(task, measured)) store_->WriteTradeoff(id.mesh, *measured);
+  if (measured.ok() && measurements_.IsWanted(*task)) store_->WriteTradeoff(id.mesh, *measured);
+  measurements_.End(task, std::move(measured));
 }
 
 Result<MeasuredTradeoff> TreeLibrary::MeasureNow(const TreeId& id, const TradeoffOptions& options,
@@ -99,8 +101,10 @@ Result<bool> TreeLibrary::ForgetMeasured(const TreeId& id) {
     if (!entry.ok()) return entry.error();
   }
   const std::lock_guard files_lock(MeshMutex(id.mesh));
-  const bool was_stored = store_->ReadTradeoff(id.mesh).ok();
-  store_->RemoveTradeoff(id.mesh);
+  const bool was_stored = store_->HasTradeoff(id.mesh);
+  if (Status removed = store_->RemoveTradeoff(id.mesh); !removed.ok()) {
+    return std::move(removed).error();
+  }
   return measurements_.Forget(id.mesh) || was_stored;
 }
 
