@@ -266,6 +266,7 @@ Result<TreeInfo> TreeLibrary::Find(const TreeId& id) {
 
 Result<TreeInfo> TreeLibrary::Wait(const TreeId& id, SteadyClock::time_point until,
                                    const CancelToken& cancel) {
+  std::shared_ptr<Flight> flight;  // its scene may be the last of a large tree: let go unlocked
   std::unique_lock lock(mutex_);
   for (;;) {
     Result<Entry*> entry = FindLocked(id);
@@ -273,7 +274,7 @@ Result<TreeInfo> TreeLibrary::Wait(const TreeId& id, SteadyClock::time_point unt
     if ((*entry)->record.tree) return InfoOf(**entry);
     if (std::optional<Error> failure = EnsureFlight(*entry)) return *std::move(failure);
     if (SteadyClock::now() >= until || cancel.ShouldStop()) return InfoOf(**entry);
-    const std::shared_ptr<Flight> flight = (*entry)->flight;
+    flight = (*entry)->flight;
     flight->landed.wait_until(lock, std::min(until, SteadyClock::now() + kLookAgain),
                               [&] { return flight->done; });
     if (flight->done && flight->error) return *flight->error;
@@ -282,13 +283,14 @@ Result<TreeInfo> TreeLibrary::Wait(const TreeId& id, SteadyClock::time_point unt
 
 Result<Scene> TreeLibrary::Load(const TreeId& id, const CancelToken& cancel) {
   store_->UseMesh(id.mesh);
+  std::shared_ptr<Flight> flight;  // as above
   std::unique_lock lock(mutex_);
   Result<Entry*> entry = FindLocked(id);
   if (!entry.ok()) return std::move(entry).error();
   if (std::optional<Scene> scene = FindInMemory(**entry)) return *std::move(scene);
   if (std::optional<Error> failure = EnsureFlight(*entry)) return *std::move(failure);
 
-  const std::shared_ptr<Flight> flight = (*entry)->flight;
+  flight = (*entry)->flight;
   while (!flight->done) {
     if (cancel.ShouldStop()) {
       Error error = cancel.ToError();
