@@ -1,0 +1,18 @@
+// How deep a segment reaches into a triangle.
+#pragma once
+
+#include <array>
+
+#include "core/geometry/ring_boxes.h"
+
+namespace kdray::core {
+
+/// The smallest height of a triangle; infinite when that cannot be computed.
+double SmallestHeight(const Triangle2& triangle);
+
+/// The largest distance from the triangle's boundary that some points of the segment p, q within
+/// the triangle have; 0 when it does not meet the triangle. An estimate: rounded, and at most 4
+/// times too small. The triangle is counterclockwise.
+double ChordDepth(const Triangle2& triangle, Point2 p, Point2 q);
+
+}  // namespace kdray::core
