@@ -25,8 +25,9 @@ struct MeshReadOptions {
 ///
 /// Every count in a file is a claim: memory is taken for what the bytes can hold, at most 2x the
 /// body beyond the result (of a file that is refused: beyond the result of the part before the
-/// fault), and 3 MB for cutting a concave polygon. Safe from many threads at once. O(bytes), and
-/// O(n^2) for a concave polygon of n corners, of which there may be kMaxConcaveCorners.
+/// fault), and PolygonCutter::kScratchBytesPerCorner for each corner of the largest concave
+/// polygon, 46 MB at most. Safe from many threads at once. O(bytes), and O(n log n) for usual
+/// concave polygons of n corners; PolygonCutter bounds what polygons may cost.
 Result<MeshData> ReadMesh(std::span<const std::byte> bytes, const MeshReadOptions& options = {});
 
 }  // namespace kdray::core

@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "core/geometry/least_area.h"
 #include "core/geometry/power_of_two.h"
 
 namespace kdray::core {
@@ -13,13 +14,21 @@ namespace {
 // From left to right, then upward: every step of a path goes forward or backward by this order.
 bool Before(Point2 a, Point2 b) { return a.x < b.x || (a.x == b.x && a.y < b.y); }
 
-// Newell's normal of a polygon: its components are the areas of the projections, so it is right for
-// concave polygons and sensible for warped ones. Seen from the first corner and scaled, so that
-// neither a far position nor a small or large size spoils it.
-Vec3d NewellNormal(const std::vector<Vec3d>& vertices, std::span<const std::uint32_t> corners) {
+// Two normals of a polygon, each as long as an area.
+struct Normals {
+  Vec3d newell;    // its components are the areas of the projections
+  Vec3d widest;    // that of the largest triangle of the fan from the first corner
+  double sum = 0;  // of the sizes of the fan's triangles: tells how much of `newell` is rounding
+};
+
+// Seen from the first corner and scaled, so that neither a far position nor a small or large size
+// spoils them. Zero when nothing sensible can be computed, or the meter stops.
+Normals NormalsOf(const std::vector<Vec3d>& vertices, std::span<const std::uint32_t> corners,
+                  CutMeter* meter) {
   const Vec3d first = vertices[corners[0]];
   double largest = 0;
   for (const std::uint32_t corner : corners) {
+    if (meter->Spend(4)) return {};
     largest = std::max(largest, MaxAbs(vertices[corner] - first));
   }
   if (!(largest > 0) || !std::isfinite(largest)) return {};
@@ -29,19 +38,33 @@ Vec3d NewellNormal(const std::vector<Vec3d>& vertices, std::span<const std::uint
     return Vec3d{ScaleByPowerOfTwo(p.x, scale), ScaleByPowerOfTwo(p.y, scale),
                  ScaleByPowerOfTwo(p.z, scale)};
   };
-  Vec3d normal;
+  Normals normals;
   Vec3d a = seen(corners.back());
   for (const std::uint32_t corner : corners) {
+    if (meter->Spend(8)) return {};
     const Vec3d b = seen(corner);
-    normal = normal + Cross(a, b);
+    const Vec3d part = Cross(a, b);
+    normals.newell = normals.newell + part;
+    normals.sum += MaxAbs(part);
+    if (MaxAbs(part) > MaxAbs(normals.widest)) normals.widest = part;
     a = b;
   }
-  return normal;
+  return normals;
 }
 
-// IsConvexPath for the points at(0) .. at(n - 1).
-template <class At>
-bool IsConvex(std::size_t n, const At& at) {
+// Positive when more of the path goes counterclockwise. Rounded.
+double SignedArea(std::span<const Point2> path) {
+  double sum = 0;
+  for (std::size_t i = 2; i < path.size(); ++i) {
+    sum += (path[i - 1].x - path[0].x) * (path[i].y - path[0].y) -
+           (path[i - 1].y - path[0].y) * (path[i].x - path[0].x);
+  }
+  return sum;
+}
+
+// IsConvexPath for the points at(0) .. at(n - 1). Any answer once stopped() returns true.
+template <class At, class Stopped>
+bool IsConvex(std::size_t n, const At& at, const Stopped& stopped) {
   std::size_t last = n;
   while (last > 0 && at(last - 1) == at(0)) --last;
   if (last == 0) return true;  // one position only
@@ -50,7 +73,7 @@ bool IsConvex(std::size_t n, const At& at) {
   bool has_area = false;
   bool turns_back = false;
   int reversals = 0;
-  for (std::size_t i = 1; i <= n; ++i) {
+  for (std::size_t i = 1; i <= n && !stopped(); ++i) {
     const Point2 c = at(i == n ? 0 : i);
     if (c == b) continue;
     const int turn = Orient2d(a, b, c);
@@ -70,7 +93,13 @@ bool IsConvex(std::size_t n, const At& at) {
 }  // namespace
 
 bool IsConvexPath(std::span<const Point2> path) {
-  return IsConvex(path.size(), [&](std::size_t i) { return path[i]; });
+  return IsConvex(
+      path.size(), [&](std::size_t i) { return path[i]; }, [] { return false; });
+}
+
+PolygonCutter::PolygonCutter(MeshData* mesh, CancelToken cancel, std::uint64_t steps_per_file)
+    : mesh_(mesh), cancel_(cancel), meter_(std::move(cancel)), ears_(&meter_) {
+  meter_.Allow(steps_per_file);
 }
 
 Status PolygonCutter::AddOther(std::span<const std::uint32_t> corners) {
@@ -78,125 +107,95 @@ Status PolygonCutter::AddOther(std::span<const std::uint32_t> corners) {
     ++mesh_->dropped;
     return {};
   }
-  const Vec3d normal = NewellNormal(mesh_->vertices, corners);
-  const double longest = MaxAbs(normal);
-  if (!(longest > 0) || !std::isfinite(longest)) {
+  meter_.Allow(kStepsPerCorner * corners.size());
+  const View view = ViewOf(corners);
+  const bool is_convex =
+      view.axis < 0 ||
+      (view.is_certain && IsConvex(
+                              corners.size(), [&](std::size_t i) { return Seen(corners[i], view); },
+                              [&] { return meter_.Spend(8); }));
+  if (is_convex) {
     Fan(corners);
-    return {};
-  }
-  // The polygon as seen against its normal, counterclockwise, by leaving out the coordinate along
-  // which the normal is longest: no number is rounded.
-  const int axis = std::fabs(normal.x) == longest ? 0 : std::fabs(normal.y) == longest ? 1 : 2;
-  const auto seen = [&](std::size_t i) {
-    const Point2 p = DropAxis(mesh_->vertices[corners[i]], axis);
-    return normal[axis] > 0 ? p : Point2{p.y, p.x};
-  };
-  if (IsConvex(corners.size(), seen)) {
-    Fan(corners);
-    return {};
-  }
-  if (corners.size() > kMaxConcaveCorners) {
-    return Error{ErrorCode::kMeshTooLarge,
+  } else if (corners.size() > kMaxConcaveCorners) {
+    return Error{ErrorCode::kInvalidMesh,
                  "a concave polygon with " + std::to_string(corners.size()) + " corners; at most " +
                      std::to_string(kMaxConcaveCorners) + " are cut"};
+  } else {
+    CutConcave(corners, view);
   }
-  ++mesh_->concave;
-  corners_.assign(corners.size(), Corner{});
-  for (std::size_t i = 0; i < corners.size(); ++i) corners_[i].point = seen(i);
-  return CutEars(corners);
+  if (meter_.stopped()) return WhyStopped(corners.size());
+  if (!is_convex) ++mesh_->concave;
+  return {};
+}
+
+// The polygon is seen against its normal, counterclockwise, by leaving out the coordinate along
+// which the normal is longest: no number is rounded. Where the areas cancel out, as in a path that
+// goes out and back only, Newell's normal is rounding; any triangle's will do for the axis then,
+// and the direction is to be found out. Negative axis: the corners lie on one line.
+PolygonCutter::View PolygonCutter::ViewOf(std::span<const std::uint32_t> corners) {
+  const Normals normals = NormalsOf(mesh_->vertices, corners, &meter_);
+  if (!(MaxAbs(normals.widest) > 0) || !std::isfinite(normals.sum)) return {-1, false, false};
+  constexpr double kRounding = 0x1p-30;
+  const bool is_certain = MaxAbs(normals.newell) > kRounding * normals.sum;
+  const Vec3d normal = is_certain ? normals.newell : normals.widest;
+  const double longest = MaxAbs(normal);
+  const int axis = std::fabs(normal.x) == longest ? 0 : std::fabs(normal.y) == longest ? 1 : 2;
+  return {axis, normal[axis] < 0, is_certain};
+}
+
+Point2 PolygonCutter::Seen(std::uint32_t corner, const View& view) const {
+  const Point2 p = DropAxis(mesh_->vertices[corner], view.axis);
+  return view.mirrored ? Point2{p.y, p.x} : p;
 }
 
 void PolygonCutter::Fan(std::span<const std::uint32_t> corners) {
-  for (std::size_t i = 2; i < corners.size(); ++i) {
+  for (std::size_t i = 2; i < corners.size() && !meter_.Spend(2); ++i) {
     mesh_->triangles.push_back({corners[0], corners[i - 1], corners[i]});
   }
 }
 
-// The points are in corners_. Ear clipping (Meisters, "Polygons Have Ears", 1975): a corner whose
-// triangle with its neighbours holds no other corner is cut, until a triangle is left. Cuts only
-// make angles smaller, so a corner that has stopped blocking, or does not block an ear, stays so
-// until that ear's neighbours change: each ear goes on where its last search stopped
-// (Corner::scanned), and all searches together are O(n^2).
-Status PolygonCutter::CutEars(std::span<const std::uint32_t> corners) {
-  const auto n = static_cast<std::uint32_t>(corners.size());
-  blockers_.clear();
-  for (std::uint32_t i = 0; i < n; ++i) {
-    corners_[i].previous = i == 0 ? n - 1 : i - 1;
-    corners_[i].next = i + 1 == n ? 0 : i + 1;
+// Ears first, which are right whenever they come to an end, and then what is best for a path that
+// is not weakly simple. The triangles are written with the places of their corners in the polygon,
+// and get the numbers of these at the end.
+void PolygonCutter::CutConcave(std::span<const std::uint32_t> corners, const View& view) {
+  path_.clear();
+  for (const std::uint32_t corner : corners) path_.push_back(Seen(corner, view));
+  if (!view.is_certain && SignedArea(path_) < 0) MirrorPath();
+  const std::size_t first = mesh_->triangles.size();
+  const auto is_cut_by_ears = [&] {
+    mesh_->triangles.resize(first);
+    return ears_.Cut(path_, false, &mesh_->triangles) != EarCutter::Outcome::kStuck;
+  };
+  bool is_cut = is_cut_by_ears();
+  if (!is_cut && !view.is_certain) {
+    MirrorPath();
+    is_cut = is_cut_by_ears();
+    if (!is_cut) MirrorPath();
   }
-  for (std::uint32_t i = 0; i < n; ++i) {
-    Update(i);
-    if (corners_[i].turn <= 0) blockers_.push_back(i);
-  }
-
-  std::uint32_t current = 0;
-  std::uint32_t left = n;
-  std::uint32_t tried = 0;  // corners in a row that were no ear
-  while (left > 3) {
-    if (!IsEar(current)) {
-      current = corners_[current].next;
-      if (++tried < left) continue;
-      current = LeastHarmful(current);
+  if (!is_cut) {
+    mesh_->triangles.resize(first);
+    if (path_.size() <= kMaxLeastAreaCorners) {
+      CutWithLeastArea(path_, &meter_, &mesh_->triangles);
+    } else {
+      ears_.Cut(path_, true, &mesh_->triangles);
     }
-    tried = 0;
-    Corner& ear = corners_[current];
-    mesh_->triangles.push_back({corners[ear.previous], corners[current], corners[ear.next]});
-    ear.left = false;
-    corners_[ear.previous].next = ear.next;
-    corners_[ear.next].previous = ear.previous;
-    Update(ear.previous);
-    Update(ear.next);
-    // Going on one corner further gives rounder triangles than a fan around one corner.
-    current = corners_[ear.next].next;
-    --left;
-    if (left % 256 == 0 && cancel_.ShouldStop()) return cancel_.ToError();
   }
-  const Corner& last = corners_[current];
-  mesh_->triangles.push_back({corners[last.previous], corners[current], corners[last.next]});
-  return {};
-}
-
-void PolygonCutter::Update(std::uint32_t corner) {
-  Corner& c = corners_[corner];
-  c.turn = static_cast<std::int8_t>(
-      Orient2d(corners_[c.previous].point, c.point, corners_[c.next].point));
-  c.scanned = 0;
-}
-
-bool PolygonCutter::IsEar(std::uint32_t corner) {
-  Corner& ear = corners_[corner];
-  if (ear.turn <= 0) return false;
-  const Corner& a = corners_[ear.previous];
-  const Corner& c = corners_[ear.next];
-  for (; ear.scanned < blockers_.size(); ++ear.scanned) {
-    if (Blocks(corners_[blockers_[ear.scanned]], a, ear, c)) return false;
+  for (std::size_t i = first; i < mesh_->triangles.size(); ++i) {
+    for (std::uint32_t& corner : mesh_->triangles[i]) corner = corners[corner];
   }
-  return true;
 }
 
-// If any corner is inside the triangle or on its diagonal, so is one that is no strict left turn. A
-// corner on one of the two edges, or at the position of a, b or c, does not block: where a path
-// only touches itself (along the bridge to a hole), the other part lies on the outer side.
-bool PolygonCutter::Blocks(const Corner& other, const Corner& a, const Corner& b,
-                           const Corner& c) const {
-  if (!other.left || other.turn > 0) return false;
-  const Point2 p = other.point;
-  if (p == a.point || p == b.point || p == c.point) return false;
-  return Orient2d(a.point, b.point, p) > 0 && Orient2d(b.point, c.point, p) > 0 &&
-         Orient2d(c.point, a.point, p) >= 0;
+void PolygonCutter::MirrorPath() {
+  for (Point2& point : path_) std::swap(point.x, point.y);
 }
 
-// No corner is an ear: the path crosses or overlaps itself. A corner without area does no harm;
-// else one that at least keeps the winding.
-std::uint32_t PolygonCutter::LeastHarmful(std::uint32_t start) const {
-  std::uint32_t left_turn = start;
-  std::uint32_t i = start;
-  do {
-    if (corners_[i].turn == 0) return i;
-    if (corners_[i].turn > 0 && corners_[left_turn].turn <= 0) left_turn = i;
-    i = corners_[i].next;
-  } while (i != start);
-  return left_turn;
+Status PolygonCutter::WhyStopped(std::size_t corners) const {
+  if (!meter_.exhausted()) return cancel_.ToError();
+  return Error{ErrorCode::kInvalidMesh,
+               "cutting the polygons up to this one, of " + std::to_string(corners) +
+                   " corners, into triangles takes more than the " +
+                   std::to_string(meter_.allowed()) +
+                   " steps allowed; polygons that cost so much cross themselves very often"};
 }
 
 }  // namespace kdray::core

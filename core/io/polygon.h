@@ -9,14 +9,16 @@
 
 #include "core/base/cancel.h"
 #include "core/base/result.h"
+#include "core/geometry/cut_meter.h"
+#include "core/geometry/ear_cutter.h"
 #include "core/geometry/predicates.h"
 #include "core/geometry/triangle_mesh.h"
 
 namespace kdray::core {
 
-/// A concave polygon with more corners is refused (kMeshTooLarge): cutting one takes O(n^2) time,
-/// some seconds at this size.
-inline constexpr std::size_t kMaxConcaveCorners = 65536;
+/// A concave polygon with more corners is refused: cutting one takes memory, some
+/// PolygonCutter::kScratchBytesPerCorner for each.
+inline constexpr std::size_t kMaxConcaveCorners = 262144;
 
 /// True when the closed path through the points goes once, counterclockwise, around a convex
 /// region. Points on a straight edge and repeated points are allowed; a path without area counts as
@@ -26,17 +28,32 @@ bool IsConvexPath(std::span<const Point2> path);
 /// Appends to a mesh the triangles of its polygons. Not safe from two threads at once.
 class PolygonCutter {
  public:
+  /// What is taken for the largest concave polygon and given back by the destructor.
+  static constexpr std::size_t kScratchBytesPerCorner = EarCutter::kScratchBytesPerCorner + 16;
+  /// A file may cost so many steps (about nanoseconds) in all, and so many more for each corner of
+  /// a polygon. A corner usually takes 1,000 to 3,000.
+  static constexpr std::uint64_t kStepsPerFile = 8'000'000'000;
+  static constexpr std::uint64_t kStepsPerCorner = 4'000;
+
   /// Reads mesh->vertices; appends to mesh->triangles and counts in mesh->dropped, mesh->concave.
-  /// The mesh must outlive the cutter.
-  PolygonCutter(MeshData* mesh, CancelToken cancel) : mesh_(mesh), cancel_(std::move(cancel)) {}
+  /// The mesh must outlive the cutter. One cutter serves one file.
+  PolygonCutter(MeshData* mesh, CancelToken cancel, std::uint64_t steps_per_file = kStepsPerFile);
 
   /// One polygon by its corners, each < mesh->vertices.size(). Fewer than three: dropped and
   /// counted. A convex one is fanned from its first corner. One that is not, seen along the main
   /// axis of its normal (Newell's, so a warped polygon has one too), is cut by ears and counted as
-  /// concave; where it has no ear because it crosses itself, a corner is cut all the same. A
-  /// polygon whose normal is zero or not finite is fanned. Errors: kMeshTooLarge
-  /// (kMaxConcaveCorners), kCancelled, kDeadlineExceeded. O(n) for a convex polygon, O(n^2) for
-  /// another.
+  /// concave. One whose corners lie on one line, or are not finite, is fanned.
+  ///
+  /// Seen along that axis, which rounds nothing, the triangles cover the polygon exactly and
+  /// overlap nowhere, also when the polygon touches itself: corners on edges or on corners, loops
+  /// that meet in a point, holes behind a doubled edge, edges that overlap, lines that go out and
+  /// back. When it crosses itself there are n - 2 triangles all the same. A crossing at corners
+  /// parts loops, each of which is then covered by itself where that is possible; a crossing that
+  /// is as small as rounding costs an area as small.
+  ///
+  /// Errors: kInvalidMesh (kMaxConcaveCorners; more steps than this file may cost), kCancelled,
+  /// kDeadlineExceeded. O(n) for a convex polygon; another takes O(n log n) where it is like those
+  /// in real files.
   Status Add(std::span<const std::uint32_t> corners) {
     if (corners.size() == 3) {
       mesh_->triangles.push_back({corners[0], corners[1], corners[2]});
@@ -46,28 +63,26 @@ class PolygonCutter {
   }
 
  private:
-  // A corner of the polygon that is being cut, in the list of those that are left.
-  struct Corner {
-    Point2 point;
-    std::uint32_t previous = 0;
-    std::uint32_t next = 0;
-    std::uint32_t scanned = 0;  // blockers_[0, scanned) are known not to block this ear
-    std::int8_t turn = 0;       // Orient2d(previous, this, next)
-    bool left = true;           // not cut yet
+  // How a polygon is looked at.
+  struct View {
+    int axis = 0;             // the coordinate that is left out
+    bool mirrored = false;    // whether the two others are exchanged
+    bool is_certain = false;  // whether the polygon is then known to go around counterclockwise
   };
 
   Status AddOther(std::span<const std::uint32_t> corners);
+  View ViewOf(std::span<const std::uint32_t> corners);
+  Point2 Seen(std::uint32_t corner, const View& view) const;
+  void MirrorPath();
   void Fan(std::span<const std::uint32_t> corners);
-  Status CutEars(std::span<const std::uint32_t> corners);
-  void Update(std::uint32_t corner);
-  bool IsEar(std::uint32_t corner);
-  bool Blocks(const Corner& other, const Corner& a, const Corner& b, const Corner& c) const;
-  std::uint32_t LeastHarmful(std::uint32_t start) const;
+  void CutConcave(std::span<const std::uint32_t> corners, const View& view);
+  Status WhyStopped(std::size_t corners) const;
 
   MeshData* mesh_;
   CancelToken cancel_;
-  std::vector<Corner> corners_;
-  std::vector<std::uint32_t> blockers_;
+  CutMeter meter_;
+  EarCutter ears_;
+  std::vector<Point2> path_;
 };
 
 }  // namespace kdray::core

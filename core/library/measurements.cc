@@ -23,17 +23,14 @@ std::shared_ptr<Measurements::Task> Measurements::Begin(const Sha256Digest& mesh
   return entry.task;
 }
 
-bool Measurements::IsWanted(const Task& task) {
+bool Measurements::End(const std::shared_ptr<Task>& task, Result<MeasuredTradeoff> measured) {
   const std::lock_guard lock(mutex_);
-  return !task.done_;
-}
-
-void Measurements::End(const std::shared_ptr<Task>& task, Result<MeasuredTradeoff> measured) {
-  const std::lock_guard lock(mutex_);
-  if (task->done_) return;
+  if (task->done_) return false;
   const auto entry = entries_.find(task->mesh);
+  const bool is_wanted = measured.ok();
   entry->second = {nullptr, std::move(measured)};
   Land(task.get());
+  return is_wanted;
 }
 
 Result<std::optional<Measurements::Info>> Measurements::Wait(const Sha256Digest& mesh,

@@ -133,9 +133,9 @@ TEST(ObjReader, CallsAFileWithoutTrianglesEmpty) {
 
 TEST(ObjReader, NamesTheLineOfAPolygonThatIsTooLargeToCut) {
   std::string text = "v 0 0 0\nv 4 0 0\nv 1 1 0\nv 0 4 0\nf 1 2 3\nf";
-  for (int i = 0; i < 35000; ++i) text += (i % 2 == 0) ? " 1 2" : " 3 4";
+  for (int i = 0; i < 140000; ++i) text += (i % 2 == 0) ? " 1 2" : " 3 4";
   const Error error = MustRefuse(text);
-  EXPECT_EQ(error.code, ErrorCode::kMeshTooLarge);
+  EXPECT_EQ(error.code, ErrorCode::kInvalidMesh);
   EXPECT_EQ(error.line, 6u);
 }
 

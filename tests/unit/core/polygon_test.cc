@@ -2,13 +2,17 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <pthread.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <ctime>
 #include <numbers>
 #include <numeric>
 #include <random>
+#include <string>
+#include <thread>
 #include <vector>
 
 #include "tests/support/seed.h"
@@ -289,9 +293,9 @@ TEST(PolygonCutter, DropsAndCountsFacesWithFewerThanThreeCorners) {
   EXPECT_EQ(Cut({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}).dropped, 0u);
 }
 
-TEST(PolygonCutter, RefusesAConcavePolygonThatWouldTakeTooLong) {
-  std::vector<Point2> path = RegularPath(70000, 1);
-  EXPECT_EQ(Cut(InPlaneZ(path)).triangles.size(), 69998u);
+TEST(PolygonCutter, RefusesAConcavePolygonWithMoreCornersThanItHasMemoryFor) {
+  std::vector<Point2> path = RegularPath(270000, 1);
+  EXPECT_EQ(Cut(InPlaneZ(path)).triangles.size(), 269998u);
   path[5] = {0, 0};
   MeshData data;
   data.vertices = InPlaneZ(path);
@@ -299,22 +303,78 @@ TEST(PolygonCutter, RefusesAConcavePolygonThatWouldTakeTooLong) {
   std::iota(corners.begin(), corners.end(), 0u);
   const Status status = PolygonCutter(&data, {}).Add(corners);
   ASSERT_FALSE(status.ok());
-  EXPECT_EQ(status.error().code, ErrorCode::kMeshTooLarge);
-  EXPECT_EQ(status.error().message, "a concave polygon with 70000 corners; at most 65536 are cut");
+  EXPECT_EQ(status.error().code, ErrorCode::kInvalidMesh);
+  EXPECT_EQ(status.error().message,
+            "a concave polygon with 270000 corners; at most 262144 are cut");
 }
 
-TEST(PolygonCutter, StopsWhenAsked) {
-  std::vector<Point2> path = RegularPath(2000, 1);
-  for (std::size_t i = 0; i < path.size(); i += 2) path[i] = {path[i].x / 2, path[i].y / 2};
+std::vector<Vec3d> Scribble(int n, std::uint64_t stream) {
+  std::mt19937_64 random = test::RandomEngine(stream);
+  std::uniform_real_distribution<double> unit(0, 1);
+  std::vector<Vec3d> path;
+  for (int i = 0; i < n; ++i) path.push_back({unit(random), unit(random), 0});
+  return path;
+}
+
+TEST(PolygonCutter, BoundsTheStepsOfAllPolygonsOfAFileTogether) {
   MeshData data;
-  data.vertices = InPlaneZ(path);
-  std::vector<std::uint32_t> corners(path.size());
+  data.vertices = Scribble(300, 23);
+  std::vector<std::uint32_t> corners(data.vertices.size());
   std::iota(corners.begin(), corners.end(), 0u);
-  const CancelToken cancel = CancelToken::Cancellable();
-  cancel.Cancel();
-  const Status status = PolygonCutter(&data, cancel).Add(corners);
-  ASSERT_FALSE(status.ok());
-  EXPECT_EQ(status.error().code, ErrorCode::kCancelled);
+  PolygonCutter cutter(&data, {}, 20'000'000);
+  int cut = 0;
+  Status status;
+  while ((status = cutter.Add(corners)).ok()) {
+    ASSERT_LT(++cut, 1000);
+  }
+  EXPECT_GT(cut, 0);
+  EXPECT_EQ(status.error().code, ErrorCode::kInvalidMesh);
+  EXPECT_EQ(status.error().message,
+            "cutting the polygons up to this one, of 300 corners, into triangles takes more than "
+            "the " +
+                std::to_string(20'000'000 + PolygonCutter::kStepsPerCorner * 300 * (cut + 1)) +
+                " steps allowed; polygons that cost so much cross themselves very often");
+}
+
+double ThreadSeconds(pthread_t thread) {
+  clockid_t clock;
+  timespec time;
+  if (pthread_getcpuclockid(thread, &clock) != 0 || clock_gettime(clock, &time) != 0) return NAN;
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+// In the time of the thread's processor, which does not depend on what else the machine does.
+TEST(PolygonCutter, StopsWithinAQuarterOfASecondOfItsCancellation) {
+  std::vector<Vec3d> near_line;  // every decision takes exact arithmetic
+  std::mt19937_64 random = test::RandomEngine(24);
+  for (int i = 0; i < 65536; ++i) {
+    const double x = 1 + 1e-5 * i;
+    near_line.push_back({x, 0.1 * x + 0x1p-55 * static_cast<double>(random() % 5), 0});
+  }
+  near_line.push_back({1.3, 50, 0});
+  std::shuffle(near_line.begin(), near_line.end(), random);
+  for (const std::vector<Vec3d>& path :
+       {near_line, Scribble(65536, 25), Scribble(256, 26), InPlaneZ(RegularPath(3000000, 1))}) {
+    std::vector<std::uint32_t> corners(path.size());
+    std::iota(corners.begin(), corners.end(), 0u);
+    const CancelToken cancel = CancelToken::Cancellable();
+    MeshData data;
+    data.vertices = path;
+    PolygonCutter cutter(&data, cancel);
+    const pthread_t self = pthread_self();
+    double cancelled_at = 0;
+    std::thread canceller([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      cancelled_at = ThreadSeconds(self);
+      cancel.Cancel();
+    });
+    Status status;
+    while ((status = cutter.Add(corners)).ok()) data.triangles.clear();
+    const double ended_at = ThreadSeconds(self);
+    canceller.join();
+    EXPECT_EQ(status.error().code, ErrorCode::kCancelled);
+    EXPECT_LT(ended_at - cancelled_at, 0.25);
+  }
 }
 
 }  // namespace
