@@ -288,8 +288,9 @@ class RealEngine final : public CoreEngine {
 
   EngineCounters counters() const override {
     const core::LibraryCounters c = library_->counters();
-    return {c.parses,    c.builds,       c.loads,       c.rebuilds, c.damaged_files,
-            c.evictions, c.memory_bytes, c.store_bytes, c.trees};
+    return {c.parses,           c.builds,       c.loads,       c.rebuilds, c.damaged_files,
+            c.evictions,        c.memory_bytes, c.store_bytes, c.trees,    c.unrecorded_meshes,
+            c.unreadable_meshes};
   }
 
  private:

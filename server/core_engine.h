@@ -29,15 +29,17 @@ struct CoreEngineOptions {
 
 /// What the engine has done since it started, and what it holds. For metrics and tests.
 struct EngineCounters {
-  std::uint64_t parses = 0;         ///< mesh files read
-  std::uint64_t builds = 0;         ///< trees built, rebuilt ones included
-  std::uint64_t loads = 0;          ///< trees read from disk instead of built
-  std::uint64_t rebuilds = 0;       ///< builds of trees that had been ready before
-  std::uint64_t damaged_files = 0;  ///< stored files that failed their check
-  std::uint64_t evictions = 0;      ///< meshes and trees dropped from memory
-  std::uint64_t memory_bytes = 0;   ///< reserved now, of memory_limit_bytes
-  std::uint64_t store_bytes = 0;    ///< on disk now
-  std::uint64_t trees = 0;          ///< ids now
+  std::uint64_t parses = 0;             ///< mesh files read
+  std::uint64_t builds = 0;             ///< trees built, rebuilt ones included
+  std::uint64_t loads = 0;              ///< trees read from disk instead of built
+  std::uint64_t rebuilds = 0;           ///< builds of trees that had been ready before
+  std::uint64_t damaged_files = 0;      ///< stored files that failed their check
+  std::uint64_t evictions = 0;          ///< meshes and trees dropped from memory
+  std::uint64_t memory_bytes = 0;       ///< reserved now, of memory_limit_bytes
+  std::uint64_t store_bytes = 0;        ///< on disk now
+  std::uint64_t trees = 0;              ///< ids now
+  std::uint64_t unrecorded_meshes = 0;  ///< on disk now, of no tree: kept until uploaded again
+  std::uint64_t unreadable_meshes = 0;  ///< of trees, found damaged or missing and not repaired
 };
 
 class CoreEngine : public Engine {

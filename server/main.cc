@@ -33,10 +33,28 @@ sigset_t BlockStopSignals() {
   return signals;
 }
 
+/// One line: whoever reads standard error expects one JSON object in each.
 int Fail(const Log& log, const std::string& message) {
   log.Write(LogLevel::kError, "start_failed", {{"message", message}});
-  std::cerr << "kdrayd: " << message << std::endl;
   return 1;
+}
+
+/// What the start found in the data directory and left as it was.
+void LogFindings(const Log& log, const EngineCounters& counters) {
+  if (counters.unrecorded_meshes != 0) {
+    log.Write(LogLevel::kWarning, "unrecorded_meshes",
+              {{"count", counters.unrecorded_meshes},
+               {"message",
+                "stored meshes that no tree names are kept; uploading the same bytes "
+                "takes them in again"}});
+  }
+  if (counters.unreadable_meshes != 0) {
+    log.Write(LogLevel::kWarning, "unreadable_meshes",
+              {{"count", counters.unreadable_meshes},
+               {"message",
+                "stored meshes of trees cannot be read; uploading the same bytes "
+                "repairs them"}});
+  }
 }
 
 core::Result<std::optional<BearerTokens>> ReadTokens(const std::filesystem::path& path) {
@@ -73,7 +91,10 @@ int Run(const Config& config) {
                                 .memory_limit_bytes = config.EngineMemoryBytes(),
                                 .store_limit_bytes = config.store_limit_bytes,
                                 .limits = config.limits});
-  if (!engine) return Fail(log, engine.error().message);
+  if (!engine) {
+    return Fail(log, "data directory " + config.data_dir.string() + ": " + engine.error().message);
+  }
+  LogFindings(log, (*engine)->counters());
 
   Service service({.limits = config.limits,
                    .max_running = config.max_running,

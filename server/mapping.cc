@@ -120,7 +120,7 @@ api::Problem ToProblem(const core::Error& error, api::ErrorCode not_found) {
   switch (problem.code) {
     case api::ErrorCode::kInternal:
       problem.detail = error.code == core::ErrorCode::kCorrupt
-                           ? "the stored mesh is damaged; uploading it again repairs it"
+                           ? "the stored mesh is damaged or cannot be read; uploading it again repairs it"
                            : "the server made a mistake or its disk failed";
       break;
     case api::ErrorCode::kInvalidParameter:

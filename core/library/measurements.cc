@@ -23,14 +23,17 @@ std::shared_ptr<Measurements::Task> Measurements::Begin(const Sha256Digest& mesh
   return entry.task;
 }
 
-bool Measurements::End(const std::shared_ptr<Task>& task, Result<MeasuredTradeoff> measured) {
+bool Measurements::IsWanted(const Task& task) {
   const std::lock_guard lock(mutex_);
-  if (task->done_) return false;
+  return !task.done_;
+}
+
+void Measurements::End(const std::shared_ptr<Task>& task, Result<MeasuredTradeoff> measured) {
+  const std::lock_guard lock(mutex_);
+  if (task->done_) return;
   const auto entry = entries_.find(task->mesh);
-  const bool is_wanted = measured.ok();
   entry->second = {nullptr, std::move(measured)};
   Land(task.get());
-  return is_wanted;
 }
 
 Result<std::optional<Measurements::Info>> Measurements::Wait(const Sha256Digest& mesh,

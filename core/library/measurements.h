@@ -39,8 +39,10 @@ class Measurements {
   /// A new task, for the caller to run; null when one is under way for the mesh. It takes the place
   /// of what was measured before.
   std::shared_ptr<Task> Begin(const Sha256Digest& mesh);
-  /// False when the task was forgotten meanwhile: then nobody wants what it made.
-  bool End(const std::shared_ptr<Task>& task, Result<MeasuredTradeoff> measured);
+  /// False once the task was forgotten: then nobody wants what it makes.
+  bool IsWanted(const Task& task);
+  /// Tells all who wait, unless the task was forgotten meanwhile.
+  void End(const std::shared_ptr<Task>& task, Result<MeasuredTradeoff> measured);
 
   /// Nothing when nobody asked for it, or it was forgotten; the error of the latest measuring if it
   /// failed. Waits until it ends, or `until` or `cancel` comes.

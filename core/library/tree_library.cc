@@ -45,18 +45,19 @@ Result<std::unique_ptr<TreeLibrary>> TreeLibrary::Open(const LibraryOptions& opt
   Result<std::unique_ptr<SceneStore>> store =
       SceneStore::Open({file_system, options.data_dir, options.store_limit_bytes});
   if (!store.ok()) return std::move(store).error();
-  Result<std::vector<TreeRecord>> records = (*store)->Load();
-  if (!records.ok()) return std::move(records).error();
+  Result<SceneStore::Contents> contents = (*store)->Load();
+  if (!contents.ok()) return std::move(contents).error();
   std::unique_ptr<TreeLibrary> library(new TreeLibrary(options, *std::move(store)));
-  library->Adopt(*std::move(records));
+  library->Adopt(*std::move(contents));
   return library;
 }
 
 TreeLibrary::~TreeLibrary() { Shutdown(); }
 
-void TreeLibrary::Adopt(std::vector<TreeRecord> records) {
+void TreeLibrary::Adopt(SceneStore::Contents contents) {
   const std::lock_guard lock(mutex_);
-  for (TreeRecord& record : records) {
+  damaged_meshes_ = std::move(contents.unreadable_meshes);
+  for (TreeRecord& record : contents.records) {
     const TreeId id = record.id;
     by_age_.insert({record.created_ms, id});
     Entry& entry = entries_[id];
@@ -82,10 +83,18 @@ Error TreeLibrary::TooLargeForStore(std::uint64_t bytes) const {
                                              std::to_string(*store_->limit())};
 }
 
-// Derived files give way first, then whole meshes that nothing is under way for.
+// Meshes that serve nobody give way first, then derived files, then whole meshes that nothing is
+// under way for.
 Result<DiskRoom> TreeLibrary::MakeRoom(std::uint64_t bytes) {
   if (store_->limit() && bytes > *store_->limit()) return TooLargeForStore(bytes);
   for (;;) {
+    if (std::optional<DiskRoom> room = store_->TryReserve(bytes)) return *std::move(room);
+    if (const std::optional<Sha256Digest> unrecorded = store_->OldestUnrecordedMesh()) {
+      if (Status status = DropUnrecordedMesh(*unrecorded); !status.ok()) {
+        return std::move(status).error();
+      }
+      continue;
+    }
     if (std::optional<DiskRoom> room = store_->MakeRoom(bytes)) return *std::move(room);
     std::set<std::string> busy;
     {
@@ -111,33 +120,40 @@ Result<TreeLibrary::Added> TreeLibrary::Finish(Upload upload, std::optional<Buil
   std::optional<DiskRoom> room;
   for (;;) {
     // The slow part before the lock.
-    if (!room && !IsStored(id.mesh)) {
+    if (!room && !IsStored(id.mesh, bytes)) {
       Result<DiskRoom> made = MakeRoom(bytes);
       if (!made.ok()) return std::move(made).error();
       room.emplace(*std::move(made));
       if (Status status = upload.file_.Sync(); !status.ok()) return std::move(status).error();
     }
     const std::lock_guard files_lock(MeshMutex(id.mesh));
-    const bool is_stored = IsStored(id.mesh);
+    const bool is_stored = IsStored(id.mesh, bytes);
     if (!is_stored && !room) continue;  // deleted meanwhile
     Result<MemoryCharge> pledge = Pledge(id, bytes);
     if (!pledge.ok()) return std::move(pledge).error();
     if (!is_stored) {
       Status status = store_->Commit(id.mesh, std::move(upload.file_), *std::move(room));
       if (!status.ok()) {
-        RemoveUnusedMesh(id.mesh);
+        (void)RemoveUnusedMesh(id.mesh);
         return std::move(status).error();
       }
       const std::lock_guard lock(mutex_);
       damaged_meshes_.erase(id.mesh);
+      for (auto entry = FirstOf(id.mesh); entry != entries_.end() && entry->first.mesh == id.mesh;
+           ++entry) {
+        entry->second.record.mesh_bytes = bytes;
+      }
     }
     return Add(id, bytes, *std::move(pledge));
   }
 }
 
-bool TreeLibrary::IsStored(const Sha256Digest& mesh) {
-  const std::lock_guard lock(mutex_);
-  return HasMesh(mesh) && !damaged_meshes_.contains(mesh);
+bool TreeLibrary::IsStored(const Sha256Digest& mesh, std::uint64_t bytes) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!HasMesh(mesh) || damaged_meshes_.contains(mesh)) return false;
+  }
+  return store_->HasMesh(mesh, bytes);
 }
 
 // Nothing is pledged for a tree that is there or under way.
@@ -181,21 +197,18 @@ Result<TreeLibrary::Added> TreeLibrary::Add(const TreeId& id, std::uint64_t mesh
   record.id = id;
   record.created_ms = NowMs();
   record.mesh_bytes = mesh_bytes;
+  bool existed = false;
   {
     const std::lock_guard lock(mutex_);
-    if (const auto found = entries_.find(id); found != entries_.end()) {
-      Entry& entry = found->second;
-      entry.failure.reset();  // asking again tries again
-      if (!entry.record.tree && !entry.flight) StartFlight(&entry, std::move(pledge));
-      return Added{id, true};
-    }
+    existed = entries_.contains(id);
     if (const auto sibling = FirstOf(id.mesh); sibling != entries_.end()) {
       record.mesh = sibling->second.record.mesh;
     }
   }
+  if (existed) return AddAgain(id, std::move(pledge));
   if (Status status = store_->SaveRecord(record); !status.ok()) {
     (void)store_->RemoveRecord(id);
-    RemoveUnusedMesh(id.mesh);
+    (void)RemoveUnusedMesh(id.mesh);
     return std::move(status).error();
   }
   const std::lock_guard lock(mutex_);
@@ -206,6 +219,29 @@ Result<TreeLibrary::Added> TreeLibrary::Add(const TreeId& id, std::uint64_t mesh
   entry.is_new = true;
   StartFlight(&entry, std::move(pledge));
   return Added{id, false};
+}
+
+// The same for an id that is there. It stays while the caller holds the mesh's mutex.
+Result<TreeLibrary::Added> TreeLibrary::AddAgain(const TreeId& id, MemoryCharge pledge) {
+  TreeRecord record;
+  bool is_in_doubt = false;
+  {
+    const std::lock_guard lock(mutex_);
+    const Entry& entry = entries_.at(id);
+    record = entry.record;
+    is_in_doubt = entry.is_in_doubt;
+  }
+  // The answer promises a record on disk. This one may have gone with a deletion that failed, or
+  // behind our back.
+  if (is_in_doubt || !store_->HasRecord(id)) {
+    if (Status status = store_->SaveRecord(record); !status.ok()) return std::move(status).error();
+  }
+  const std::lock_guard lock(mutex_);
+  Entry& entry = entries_.at(id);
+  entry.is_in_doubt = false;
+  entry.failure.reset();  // asking again tries again
+  if (!entry.record.tree && !entry.flight) StartFlight(&entry, std::move(pledge));
+  return Added{id, true};
 }
 
 Result<TreeLibrary::Entry*> TreeLibrary::FindLocked(const TreeId& id) {
@@ -230,6 +266,7 @@ Result<TreeInfo> TreeLibrary::Find(const TreeId& id) {
 
 Result<TreeInfo> TreeLibrary::Wait(const TreeId& id, SteadyClock::time_point until,
                                    const CancelToken& cancel) {
+  std::shared_ptr<Flight> flight;  // its scene may be the last of a large tree: let go unlocked
   std::unique_lock lock(mutex_);
   for (;;) {
     Result<Entry*> entry = FindLocked(id);
@@ -237,7 +274,7 @@ Result<TreeInfo> TreeLibrary::Wait(const TreeId& id, SteadyClock::time_point unt
     if ((*entry)->record.tree) return InfoOf(**entry);
     if (std::optional<Error> failure = EnsureFlight(*entry)) return *std::move(failure);
     if (SteadyClock::now() >= until || cancel.ShouldStop()) return InfoOf(**entry);
-    const std::shared_ptr<Flight> flight = (*entry)->flight;
+    flight = (*entry)->flight;
     flight->landed.wait_until(lock, std::min(until, SteadyClock::now() + kLookAgain),
                               [&] { return flight->done; });
     if (flight->done && flight->error) return *flight->error;
@@ -246,13 +283,14 @@ Result<TreeInfo> TreeLibrary::Wait(const TreeId& id, SteadyClock::time_point unt
 
 Result<Scene> TreeLibrary::Load(const TreeId& id, const CancelToken& cancel) {
   store_->UseMesh(id.mesh);
+  std::shared_ptr<Flight> flight;  // as above
   std::unique_lock lock(mutex_);
   Result<Entry*> entry = FindLocked(id);
   if (!entry.ok()) return std::move(entry).error();
   if (std::optional<Scene> scene = FindInMemory(**entry)) return *std::move(scene);
   if (std::optional<Error> failure = EnsureFlight(*entry)) return *std::move(failure);
 
-  const std::shared_ptr<Flight> flight = (*entry)->flight;
+  flight = (*entry)->flight;
   while (!flight->done) {
     if (cancel.ShouldStop()) {
       Error error = cancel.ToError();
@@ -296,21 +334,31 @@ Result<std::unique_ptr<ReadableFile>> TreeLibrary::OpenMesh(const TreeId& id) {
 
 Status TreeLibrary::Delete(const TreeId& id) {
   const std::lock_guard files_lock(MeshMutex(id.mesh));
-  TreeRecord record;
   {
     const std::lock_guard lock(mutex_);
     if (failures_.erase(id) != 0) return {};
-    const auto entry = entries_.find(id);
-    if (entry == entries_.end()) return NoSuchTree();
-    record = entry->second.record;
+    if (!entries_.contains(id)) return NoSuchTree();
   }
-  // The record first: what remains after a crash is then swept, not found again.
-  if (Status status = store_->RemoveRecord(id); !status.ok()) {
-    (void)store_->SaveRecord(record);  // it may be gone already, but not for good
-    return status;
-  }
+  // The record first: what remains after a crash is then a mesh that nobody finds again.
+  if (Status status = RemoveRecord(id); !status.ok()) return status;
   ForgetAndRemoveFiles(id, NoSuchTree());
   return {};
+}
+
+// Of an id that is there, whose mesh's mutex the caller holds. After an error the record may be
+// gone already, but not for good: it is written again, now or when the id is added again.
+Status TreeLibrary::RemoveRecord(const TreeId& id) {
+  TreeRecord record;
+  {
+    const std::lock_guard lock(mutex_);
+    record = entries_.at(id).record;
+  }
+  Status removed = store_->RemoveRecord(id);
+  if (removed.ok()) return removed;
+  const bool is_in_doubt = !store_->SaveRecord(record).ok();
+  const std::lock_guard lock(mutex_);
+  entries_.at(id).is_in_doubt = is_in_doubt;
+  return removed;
 }
 
 // Gives up a mesh with all its trees, unless work on it has begun meanwhile.
@@ -326,11 +374,16 @@ Status TreeLibrary::DropMesh(const Sha256Digest& mesh) {
     }
   }
   for (const TreeId& id : ids) {
-    if (Status status = store_->RemoveRecord(id); !status.ok()) return status;
+    if (Status status = RemoveRecord(id); !status.ok()) return status;
     ForgetAndRemoveFiles(id, NoSuchTree());
   }
   // Again, for its status: a mesh that cannot be removed must not be tried for ever.
-  return store_->RemoveMesh(mesh);
+  return RemoveUnusedMesh(mesh);
+}
+
+Status TreeLibrary::DropUnrecordedMesh(const Sha256Digest& mesh) {
+  const std::lock_guard files_lock(MeshMutex(mesh));
+  return RemoveUnusedMesh(mesh);
 }
 
 // The caller holds the mesh's mutex and has removed the record.
@@ -355,21 +408,27 @@ void TreeLibrary::ForgetAndRemoveFiles(const TreeId& id, const Error& error) {
   if (mesh_too) {
     measurements_.Forget(id.mesh);
     cache_.EraseMesh(id.mesh);
-    // Should the disk refuse, the next start sweeps what no record names.
-    (void)store_->RemoveMesh(id.mesh);
+    // Should the disk refuse, the file is one that no record names.
+    (void)RemoveUnusedMesh(id.mesh);
   } else if (orphan) {
     cache_.EraseTree(id.mesh, *orphan);
     store_->RemoveTree(id.mesh, *orphan);
   }
 }
 
-// After an upload that did not come to a record.
-void TreeLibrary::RemoveUnusedMesh(const Sha256Digest& mesh) {
+// A mesh without trees: its last one was deleted, or an upload did not come to a record. The caller
+// holds the mesh's mutex. Records that a failed write may have left go before the file, so that no
+// start finds one without its mesh.
+Status TreeLibrary::RemoveUnusedMesh(const Sha256Digest& mesh) {
   {
     const std::lock_guard lock(mutex_);
-    if (HasMesh(mesh)) return;
+    if (HasMesh(mesh)) return {};
   }
-  (void)store_->RemoveMesh(mesh);
+  if (Status status = store_->RemoveRecordsOf(mesh); !status.ok()) {
+    store_->MarkUnrecorded(mesh);
+    return status;
+  }
+  return store_->RemoveMesh(mesh);
 }
 
 TreeLibrary::Entries::iterator TreeLibrary::FirstOf(const Sha256Digest& mesh) {
@@ -402,7 +461,9 @@ LibraryCounters TreeLibrary::counters() const {
   counters.evictions = cache_.evictions();
   counters.memory_bytes = budget_.used();
   counters.store_bytes = store_->bytes();
+  counters.unrecorded_meshes = store_->unrecorded_meshes();
   const std::lock_guard lock(mutex_);
+  counters.unreadable_meshes = damaged_meshes_.size();
   counters.rebuilds = rebuilds_;
   counters.trees = entries_.size();
   return counters;

@@ -56,13 +56,17 @@ struct LibraryCounters {
   std::uint64_t parses = 0, builds = 0, loads = 0, rebuilds = 0;
   std::uint64_t damaged_files = 0, evictions = 0;
   std::uint64_t memory_bytes = 0, store_bytes = 0, trees = 0;
+  std::uint64_t unrecorded_meshes = 0;  ///< stored meshes that no tree names (SceneStore)
+  std::uint64_t unreadable_meshes = 0;  ///< meshes of trees that were found damaged or missing
 };
 
 /// Every method is safe from many threads at once. Ids come and go: kNotFound is an answer of all
 /// that take one. A failed build answers with its error (those of SceneSource::Fetch) instead.
 class TreeLibrary {
  public:
-  /// Reads in what is there and resumes builds that were cut off. Errors: SceneStore::Open.
+  /// Reads in what is there and resumes builds that were cut off. A tree whose mesh cannot be read
+  /// stays: its mesh answers kCorrupt until the same bytes are uploaded again. Errors:
+  /// SceneStore::Open and Load.
   static Result<std::unique_ptr<TreeLibrary>> Open(const LibraryOptions& options);
   ~TreeLibrary();
 
@@ -86,9 +90,9 @@ class TreeLibrary {
     TreeId id;
     bool existed = false;
   };
-  /// The mesh is durable and its build is under way or done when this returns. Under a store limit
-  /// other meshes may have gone for it, least recently used first. kEmptyMesh without a byte;
-  /// kMemoryFull when the builds under way leave no memory for it; kStoreFull; kIo.
+  /// Mesh and record are durable and the build is under way or done when this returns. Under a
+  /// store limit other meshes may have gone for it, least recently used first. kEmptyMesh without a
+  /// byte; kMemoryFull when the builds under way leave no memory for it; kStoreFull; kIo.
   Result<Added> Finish(Upload upload, std::optional<BuildKind> build);
   /// Another build of a mesh that is there; kNotFound when it is not.
   Result<Added> AddBuild(const Sha256Digest& mesh, std::optional<BuildKind> build);
@@ -114,7 +118,8 @@ class TreeLibrary {
                              const std::optional<Position>& after, std::size_t limit);
 
   /// The id is gone for good when this returns; a running build stops soon. The mesh goes with its
-  /// last id. kStoreFull or kIo when the disk refuses: then it is still there.
+  /// last id. kStoreFull or kIo when the disk refuses: then it is still there, but unless the disk
+  /// takes its record again, or the same is uploaded again, it may be gone after a restart.
   Status Delete(const TreeId& id);
 
   /// The mesh's bytes, checked. kCorrupt when they are damaged: uploading them again repairs them.
@@ -130,7 +135,8 @@ class TreeLibrary {
   /// it fails while one waits; kMemoryFull when there was no memory for it.
   Result<std::optional<Measurements::Info>> WaitForMeasured(
       const TreeId& id, std::chrono::steady_clock::time_point until, const CancelToken& cancel);
-  /// Stops the measuring, and forgets what was measured. False when there was neither.
+  /// Stops the measuring, and forgets what was measured, for good. False when there was neither;
+  /// kStoreFull or kIo when the disk refuses.
   Result<bool> ForgetMeasured(const TreeId& id);
 
   LibraryCounters counters() const;
@@ -148,6 +154,7 @@ class TreeLibrary {
   struct Entry {
     TreeRecord record;
     bool is_new = false;             // made since Open: a mesh that cannot be built may be dropped
+    bool is_in_doubt = false;        // the disk refused: the record may not be there, or not stay
     std::shared_ptr<Flight> flight;  // the work under way, if any
     std::optional<Failure> failure;  // of work that may go better next time
   };
@@ -160,16 +167,19 @@ class TreeLibrary {
   static constexpr int kAsideThreads = 32;
 
   TreeLibrary(const LibraryOptions& options, std::unique_ptr<SceneStore> store);
-  void Adopt(std::vector<TreeRecord> records);
+  void Adopt(SceneStore::Contents contents);
   Result<DiskRoom> MakeRoom(std::uint64_t bytes);
-  bool IsStored(const Sha256Digest& mesh);
+  bool IsStored(const Sha256Digest& mesh, std::uint64_t bytes);
   Error TooLargeForStore(std::uint64_t bytes) const;
   std::uint64_t UsualPrepareBytes(std::uint64_t mesh_bytes) const;
   Result<MemoryCharge> Pledge(const TreeId& id, std::uint64_t mesh_bytes);
   Result<Added> Add(const TreeId& id, std::uint64_t mesh_bytes, MemoryCharge pledge);
+  Result<Added> AddAgain(const TreeId& id, MemoryCharge pledge);
+  Status RemoveRecord(const TreeId& id);
   Status DropMesh(const Sha256Digest& mesh);
+  Status DropUnrecordedMesh(const Sha256Digest& mesh);
   void ForgetAndRemoveFiles(const TreeId& id, const Error& error);
-  void RemoveUnusedMesh(const Sha256Digest& mesh);
+  Status RemoveUnusedMesh(const Sha256Digest& mesh);
   std::mutex& MeshMutex(const Sha256Digest& mesh) {
     return mesh_mutexes_[mesh.bytes[0] % mesh_mutexes_.size()];
   }

@@ -52,13 +52,20 @@ void TreeLibrary::RunMeasuring(const TreeId& id, const std::shared_ptr<Measureme
     measured = Error{ErrorCode::kMemoryFull, "the system has no memory for this now"};
   } catch (const std::exception&) {  // stays what it was
   }
+  // Stored before anybody is told: what was answered is there after a restart.
   const std::lock_guard files_lock(MeshMutex(id.mesh));
-  if (measurements_.End(task, measured)) store_->WriteTradeoff(id.mesh, *measured);
+  if (measured.ok() && measurements_.IsWanted(*task)) store_->WriteTradeoff(id.mesh, *measured);
+  measurements_.End(task, std::move(measured));
 }
 
 Result<MeasuredTradeoff> TreeLibrary::MeasureNow(const TreeId& id, const TradeoffOptions& options,
                                                  Measurements::Task* task) {
-  Result<Scene> scene = Load(id, task->cancel);
+  Result<Scene> scene = [&]() -> Result<Scene> {
+    // It may be another job of the queue that brings the tree: that one has this place meanwhile.
+    const std::optional<WorkQueue::Aside> aside = queue_.StepAside(WorkQueue::Lane::kBuild);
+    if (!aside) return Error{ErrorCode::kMemoryFull, "too much other work waits already"};
+    return Load(id, task->cancel);
+  }();
   if (!scene.ok()) return std::move(scene).error();
   const Result<TreeInfo> info = Find(id);
   if (!info.ok()) return info.error();
@@ -85,10 +92,13 @@ Result<std::optional<Measurements::Info>> TreeLibrary::WaitForMeasured(
   }
   auto info = measurements_.Wait(id.mesh, until, cancel);
   if (!info.ok() || info->has_value()) return info;
-  // Perhaps it was measured before the last start.
-  const std::lock_guard files_lock(MeshMutex(id.mesh));
-  Result<MeasuredTradeoff> stored = store_->ReadTradeoff(id.mesh);
-  if (stored.ok()) measurements_.Adopt(id.mesh, *std::move(stored));
+  {
+    // Perhaps it was measured before the last start.
+    const std::lock_guard files_lock(MeshMutex(id.mesh));
+    Result<MeasuredTradeoff> stored = store_->ReadTradeoff(id.mesh);
+    if (stored.ok()) measurements_.Adopt(id.mesh, *std::move(stored));
+  }
+  // One may have begun meanwhile, so this waits too, and others need the mutex.
   return measurements_.Wait(id.mesh, until, cancel);
 }
 
@@ -99,8 +109,10 @@ Result<bool> TreeLibrary::ForgetMeasured(const TreeId& id) {
     if (!entry.ok()) return entry.error();
   }
   const std::lock_guard files_lock(MeshMutex(id.mesh));
-  const bool was_stored = store_->ReadTradeoff(id.mesh).ok();
-  store_->RemoveTradeoff(id.mesh);
+  const bool was_stored = store_->HasTradeoff(id.mesh);
+  if (Status removed = store_->RemoveTradeoff(id.mesh); !removed.ok()) {
+    return std::move(removed).error();
+  }
   return measurements_.Forget(id.mesh) || was_stored;
 }
 

@@ -141,37 +141,43 @@ void TreeLibrary::Persist(const TreeRecord& before, const SceneSource::Fetched& 
   // Deleted while it was written: what was written goes as well.
   if (!mesh_is_wanted) {
     cache_.EraseMesh(id.mesh);
-    (void)store_->RemoveMesh(id.mesh);
+    (void)RemoveUnusedMesh(id.mesh);
   } else if (!tree_is_wanted) {
     cache_.EraseTree(id.mesh, fetched.tree.build);
     store_->RemoveTree(id.mesh, fetched.tree.build);
   }
   // A record that cannot be written now says that a build is due; the tree's file answers that.
-  if (record && *record != before) (void)store_->SaveRecord(*record);
+  if (!record || *record == before || !store_->SaveRecord(*record).ok()) return;
+  const std::lock_guard lock(mutex_);
+  entries_.at(id).is_in_doubt = false;
 }
 
 void TreeLibrary::Fail(Flight* flight, const Error& error) {
   const TreeId& id = flight->id;
   const std::lock_guard files_lock(MeshMutex(id.mesh));
+  bool for_good = false;
   {
     const std::lock_guard lock(mutex_);
-    Entry* entry = EntryOf(*flight);
+    const Entry* entry = EntryOf(*flight);
     if (entry == nullptr) return;
     const bool was_ready = entry->record.tree.has_value();
-    const bool for_good = !was_ready && (IsMeshsFault(error.code) ||
-                                         (error.code == ErrorCode::kMeshTooLarge && entry->is_new));
-    if (error.code == ErrorCode::kCorrupt || error.code == ErrorCode::kNotFound) {
-      damaged_meshes_.insert(id.mesh);
-    }
-    if (!for_good) {
-      entry->failure = Failure{error, SteadyClock::now() + options_.retry_after};
-      Land(entry, error);
-      return;
-    }
-    KeepFailure(id, error);
+    for_good = !was_ready && (IsMeshsFault(error.code) ||
+                              (error.code == ErrorCode::kMeshTooLarge && entry->is_new));
+    if (error.code == ErrorCode::kCorrupt) damaged_meshes_.insert(id.mesh);
   }
-  (void)store_->RemoveRecord(id);
-  ForgetAndRemoveFiles(id, error);
+  // A record that the disk does not let go keeps its mesh, and the failure is the tree's.
+  const bool is_gone = for_good && RemoveRecord(id).ok();
+  {
+    const std::lock_guard lock(mutex_);
+    if (is_gone) {
+      KeepFailure(id, error);
+    } else if (Entry* entry = EntryOf(*flight)) {
+      const auto time = for_good ? options_.keep_failure : options_.retry_after;
+      entry->failure = Failure{error, SteadyClock::now() + time};
+      Land(entry, error);
+    }
+  }
+  if (is_gone) ForgetAndRemoveFiles(id, error);
 }
 
 void TreeLibrary::KeepFailure(const TreeId& id, const Error& error) {

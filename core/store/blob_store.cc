@@ -19,6 +19,17 @@ std::string TemporaryName() {
   return std::string(kTemporaryPrefix) + std::to_string(getpid()) + "-" + std::to_string(next++);
 }
 
+// What is missing while something is written is the folder: nobody asked for a file by its name.
+Error WriteError(Error error) {
+  if (error.code == ErrorCode::kNotFound) error.code = ErrorCode::kIo;
+  return error;
+}
+
+Status WriteStatus(Status status) {
+  if (status.ok()) return status;
+  return WriteError(std::move(status).error());
+}
+
 }  // namespace
 
 NewBlob::NewBlob(FileSystem* file_system, std::filesystem::path directory,
@@ -60,11 +71,11 @@ Status NewBlob::Commit(std::string_view name) {
     if (Status status = Sync(); !status.ok()) return status;
   }
   if (Status status = file_system_->Rename(TemporaryPath(), directory_ / name); !status.ok()) {
-    return status;
+    return WriteStatus(std::move(status));
   }
   temporary_name_.clear();
   file_.reset();
-  return file_system_->SyncDirectory(directory_);
+  return WriteStatus(file_system_->SyncDirectory(directory_));
 }
 
 BlobStore::BlobStore(FileSystem* file_system, std::filesystem::path directory)
@@ -75,8 +86,9 @@ Status BlobStore::Open() {
   const Result<std::vector<FileInfo>> files = file_system_->List(directory_);
   if (!files.ok()) return files.error();
   for (const FileInfo& file : *files) {
+    if (!file.name.starts_with(kTemporaryPrefix) || !file.readable) continue;
     // On a read-only disk they stay; they are in nobody's way.
-    if (file.name.starts_with(kTemporaryPrefix)) (void)file_system_->Remove(directory_ / file.name);
+    (void)file_system_->Remove(directory_ / file.name);
   }
   return {};
 }
@@ -90,7 +102,7 @@ Result<std::vector<FileInfo>> BlobStore::List() const {
 Result<NewBlob> BlobStore::Create() {
   std::string name = TemporaryName();
   Result<std::unique_ptr<WritableFile>> file = file_system_->Create(directory_ / name);
-  if (!file.ok()) return std::move(file).error();
+  if (!file.ok()) return WriteError(std::move(file).error());
   return NewBlob(file_system_, directory_, std::move(name), std::move(*file));
 }
 
@@ -98,10 +110,12 @@ Result<std::unique_ptr<ReadableFile>> BlobStore::Read(std::string_view name) con
   return file_system_->Open(directory_ / name);
 }
 
-Status BlobStore::Remove(std::string_view name) {
-  const Status removed = file_system_->Remove(directory_ / name);
-  if (!removed.ok() && removed.error().code != ErrorCode::kNotFound) return removed;
-  return file_system_->SyncDirectory(directory_);
+Status BlobStore::Remove(std::span<const std::string_view> names) {
+  for (const std::string_view name : names) {
+    Status removed = file_system_->Remove(directory_ / name);
+    if (!removed.ok() && removed.error().code != ErrorCode::kNotFound) return removed;
+  }
+  return WriteStatus(file_system_->SyncDirectory(directory_));
 }
 
 Status BlobStore::Touch(std::string_view name) { return file_system_->Touch(directory_ / name); }

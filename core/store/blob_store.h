@@ -48,20 +48,22 @@ class NewBlob {
 };
 
 /// Safe from many threads at once; two writers of one name both succeed, and one of their files
-/// stays. Errors: those of FileSystem.
+/// stays. Errors: those of FileSystem, except that writing to a folder that is gone is kIo.
 class BlobStore {
  public:
   BlobStore(FileSystem* file_system, std::filesystem::path directory);
 
-  /// Makes the folder if need be and removes temporary files that a crash left. Call first, while
-  /// nobody else uses the folder.
+  /// Makes the folder if need be and removes temporary files that a crash left. Call before the
+  /// first Create, while nobody else uses the folder.
   Status Open();
   /// Names are plain file names that do not begin with a dot.
   Result<std::vector<FileInfo>> List() const;
   Result<NewBlob> Create();
   Result<std::unique_ptr<ReadableFile>> Read(std::string_view name) const;
   /// Durable when it returns. A name that is not there is success.
-  Status Remove(std::string_view name);
+  Status Remove(std::string_view name) { return Remove(std::span(&name, 1)); }
+  /// All of them, at the price of one. After an error any of them may be there, or come back.
+  Status Remove(std::span<const std::string_view> names);
   /// Notes that the file was used: its modification time becomes now.
   Status Touch(std::string_view name);
 

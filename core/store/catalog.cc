@@ -1,6 +1,9 @@
 #include "core/store/catalog.h"
 
+#include <algorithm>
+#include <array>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "core/store/checked_file.h"
@@ -72,6 +75,7 @@ Result<Catalog::Contents> Catalog::Load() const {
     Result<TreeRecord> record = Read(*id);
     if (!record.ok()) {
       ++contents.damaged;
+      if (!file.readable || record.error().code == ErrorCode::kIo) ++contents.unreadable;
       TreeRecord wanted;
       wanted.id = *id;
       wanted.created_ms = file.modified_ms;
@@ -83,5 +87,16 @@ Result<Catalog::Contents> Catalog::Load() const {
 }
 
 Status Catalog::Remove(const TreeId& id) { return blobs_.Remove(id.ToString()); }
+
+Status Catalog::RemoveAllOf(const Sha256Digest& mesh) {
+  std::array<std::string, kAllBuildKinds.size() + 1> names;
+  std::array<std::string_view, kAllBuildKinds.size() + 1> views;
+  names[0] = TreeId{mesh, std::nullopt}.ToString();
+  for (std::size_t i = 0; i < kAllBuildKinds.size(); ++i) {
+    names[i + 1] = TreeId{mesh, kAllBuildKinds[i]}.ToString();
+  }
+  std::copy(names.begin(), names.end(), views.begin());
+  return blobs_.Remove(views);
+}
 
 }  // namespace kdray::core

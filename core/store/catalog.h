@@ -34,7 +34,8 @@ class Catalog {
 
   struct Contents {
     std::vector<TreeRecord> records;  ///< in no order
-    std::uint64_t damaged = 0;        ///< of them, those whose file could not be read
+    std::uint64_t damaged = 0;        ///< of them, those whose file is no record
+    std::uint64_t unreadable = 0;     ///< of the damaged, those that cannot be read at all
   };
   /// All records. A file that cannot be read still tells by its name that the tree was wanted: its
   /// record has the file's time and a build due. Names that are no tree id
@@ -44,7 +45,12 @@ class Catalog {
 
   /// Durable when it returns; after an error the old record or the new one is there.
   Status Save(const TreeRecord& record);
+  /// Durable when it returns; after an error the record may be there, or come back.
   Status Remove(const TreeId& id);
+  /// Remove for every id that the mesh can have.
+  Status RemoveAllOf(const Sha256Digest& mesh);
+  /// Whether there is a file of this name now, sound or not.
+  bool Has(const TreeId& id) const { return blobs_.Read(id.ToString()).ok(); }
 
  private:
   Result<TreeRecord> Read(const TreeId& id) const;

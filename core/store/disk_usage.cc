@@ -62,12 +62,15 @@ std::optional<DiskRoom> DiskUsage::TryReserve(std::uint64_t bytes) {
 
 bool DiskUsage::IsWithinLimit() const {
   const std::lock_guard lock(mutex_);
-  return Fits(arriving_, TotalLocked() + reserved_);
+  // Meshes that no record names are the first to go, so they count as gone: no derived file goes
+  // for what their room holds.
+  return Fits(arriving_, TotalLocked() - At(FileGroup::kUnrecorded).bytes + reserved_);
 }
 
 bool DiskUsage::FitsBesideMeshes(std::uint64_t bytes) const {
   const std::lock_guard lock(mutex_);
-  return Fits(bytes, At(FileGroup::kMeshes).bytes + reserved_);
+  const std::uint64_t meshes = At(FileGroup::kMeshes).bytes + At(FileGroup::kUnrecorded).bytes;
+  return Fits(bytes, meshes + reserved_);
 }
 
 std::optional<std::string> DiskUsage::Oldest(FileGroup group,
@@ -87,6 +90,11 @@ std::uint64_t DiskUsage::BytesOf(FileGroup group, std::string_view name) const {
   return found == g.index.end() ? 0 : found->second->bytes;
 }
 
+std::uint64_t DiskUsage::Count(FileGroup group) const {
+  const std::lock_guard lock(mutex_);
+  return At(group).files.size();
+}
+
 std::uint64_t DiskUsage::TotalLocked() const {
   std::uint64_t total = 0;
   for (const Group& group : groups_) total += group.bytes;
@@ -95,7 +103,7 @@ std::uint64_t DiskUsage::TotalLocked() const {
 
 std::uint64_t DiskUsage::derived() const {
   const std::lock_guard lock(mutex_);
-  return TotalLocked() - At(FileGroup::kMeshes).bytes;
+  return TotalLocked() - At(FileGroup::kMeshes).bytes - At(FileGroup::kUnrecorded).bytes;
 }
 
 std::uint64_t DiskUsage::total() const {

@@ -17,9 +17,10 @@
 
 namespace kdray::core {
 
-/// The folders whose files count. A catalog entry of about a kilobyte does not.
-enum class FileGroup : std::uint8_t { kMeshes, kParsed, kTrees, kMeasured };
-inline constexpr std::size_t kFileGroups = 4;
+/// What counts, and is given up in turn. A catalog entry of about a kilobyte does not. kUnrecorded
+/// are mesh files that no record names.
+enum class FileGroup : std::uint8_t { kMeshes, kParsed, kTrees, kMeasured, kUnrecorded };
+inline constexpr std::size_t kFileGroups = 5;
 
 class DiskUsage;
 
@@ -83,6 +84,7 @@ class DiskUsage {
 
   /// Of a file, 0 when it is not there.
   std::uint64_t BytesOf(FileGroup group, std::string_view name) const;
+  std::uint64_t Count(FileGroup group) const;
   /// All files; room that is only reserved is not counted.
   std::uint64_t total() const;
   /// Of them, those that are no meshes.

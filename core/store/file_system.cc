@@ -167,11 +167,20 @@ class Posix final : public FileSystem {
   }
 
   Status SyncDirectory(const Path& path) override {
-    const Descriptor fd = OpenRetrying(path, O_RDONLY | O_DIRECTORY);
+    // A folder may be a link to a larger disk; only files may not.
+    const Descriptor fd(
+        RetryInterrupted([&] { return open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); }));
     if (!fd.ok() || RetryInterrupted([&] { return fsync(fd.get()); }) != 0) {
       return ErrnoError("sync a folder", errno);
     }
     return {};
+  }
+
+  Result<FolderInfo> Examine(const Path& directory) override {
+    struct stat status {};
+    if (stat(directory.c_str(), &status) != 0) return ErrnoError("examine a folder", errno);
+    if (!S_ISDIR(status.st_mode)) return Error{ErrorCode::kCorrupt, "this is no folder"};
+    return FolderInfo{status.st_uid, geteuid()};
   }
 
   Status MakeDirectory(const Path& path) override {

@@ -44,6 +44,12 @@ struct FileInfo {
   bool readable = true;          ///< Open would take it: a regular file of this user
 };
 
+/// Who owns a folder, and who asks: user ids of the operating system.
+struct FolderInfo {
+  std::uint32_t owner = 0;
+  std::uint32_t user = 0;
+};
+
 /// Held until destroyed, or until the process ends in whatever way.
 class FileLock {
  public:
@@ -67,7 +73,10 @@ class FileSystem {
   virtual Status Rename(const Path& from, const Path& to) = 0;
   virtual Status Remove(const Path& path) = 0;
   virtual Status SyncDirectory(const Path& path) = 0;
-  /// With its parents, for this user only; success when it is there.
+  /// Follows links. kNotFound when there is nothing, or a link to nothing; kCorrupt when it is no
+  /// folder.
+  virtual Result<FolderInfo> Examine(const Path& directory) = 0;
+  /// With its parents, for this user only; success when it is there. Follows links.
   virtual Status MakeDirectory(const Path& path) = 0;
   /// Everything but "." and "..", in no order.
   virtual Result<std::vector<FileInfo>> List(const Path& directory) = 0;

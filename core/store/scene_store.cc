@@ -1,7 +1,6 @@
 #include "core/store/scene_store.h"
 
 #include <algorithm>
-#include <tuple>
 #include <utility>
 
 #include "core/store/mesh_file.h"
@@ -17,35 +16,38 @@ std::string TreeFileName(const Sha256Digest& mesh, BuildKind build) {
   return TreeId{mesh, build}.ToString();
 }
 
-bool IsDigest(const std::string& name) {
-  Sha256Digest digest;
-  return ParseSha256Hex(name, &digest);
+bool HashesTo(const Sha256Digest& digest, const ReadableFile& file) {
+  constexpr std::uint64_t kPiece = 1 << 20;
+  std::vector<std::byte> piece(kPiece);
+  Sha256 hash;
+  for (std::uint64_t offset = 0; offset < file.size(); offset += piece.size()) {
+    piece.resize(static_cast<std::size_t>(std::min(kPiece, file.size() - offset)));
+    if (!file.ReadAt(offset, piece).ok()) return false;
+    hash.Update(piece);
+  }
+  return hash.Finish() == digest;
 }
 
-// Whether a file of this group can have the name: others are somebody else's and stay.
-bool IsOurs(FileGroup group, const std::string& name) {
-  return group == FileGroup::kTrees ? ParseTreeId(name).has_value() : IsDigest(name);
+Error DamagedMesh() {
+  return Error{ErrorCode::kCorrupt, "the stored mesh is damaged or cannot be read"};
 }
-
-std::string DigestPart(const std::string& name) { return name.substr(0, 64); }
 
 Error DiskFull(std::uint64_t bytes, std::uint64_t free) {
   return Error{ErrorCode::kStoreFull, "the disk has no room for " + std::to_string(bytes) +
                                           " bytes; " + std::to_string(free) + " are free"};
 }
 
-Error DamagedMesh() { return Error{ErrorCode::kCorrupt, "the stored mesh is damaged"}; }
-
 }  // namespace
 
 SceneStore::SceneStore(const Options& options)
     : file_system_(options.file_system),
       directory_(options.directory),
-      blobs_{BlobStore(file_system_, directory_ / "meshes"),
-             BlobStore(file_system_, directory_ / "parsed"),
-             BlobStore(file_system_, directory_ / "trees"),
-             BlobStore(file_system_, directory_ / "measured")},
-      catalog_(file_system_, directory_ / "catalog"),
+      blobs_{BlobStore(file_system_, directory_ / kFolders[0]),
+             BlobStore(file_system_, directory_ / kFolders[1]),
+             BlobStore(file_system_, directory_ / kFolders[2]),
+             BlobStore(file_system_, directory_ / kFolders[3]),
+             BlobStore(file_system_, directory_ / kFolders[4])},
+      catalog_(file_system_, directory_ / kCatalogFolder),
       usage_(options.limit_bytes) {}
 
 Result<std::unique_ptr<SceneStore>> SceneStore::Open(const Options& options) {
@@ -56,62 +58,7 @@ Result<std::unique_ptr<SceneStore>> SceneStore::Open(const Options& options) {
   Result<std::unique_ptr<FileLock>> lock = store->file_system_->Lock(store->directory_ / "lock");
   if (!lock.ok()) return std::move(lock).error();
   store->lock_ = *std::move(lock);
-  for (BlobStore& blobs : store->blobs_) {
-    if (Status opened = blobs.Open(); !opened.ok()) return std::move(opened).error();
-  }
-  if (Status opened = store->catalog_.Open(); !opened.ok()) return std::move(opened).error();
   return store;
-}
-
-Result<std::vector<TreeRecord>> SceneStore::Load() {
-  // All lists first: with one of them missing, nothing must be swept.
-  Result<Catalog::Contents> catalog = catalog_.Load();
-  if (!catalog.ok()) return std::move(catalog).error();
-  std::array<std::vector<FileInfo>, kFileGroups> files;
-  for (std::size_t group = 0; group < kFileGroups; ++group) {
-    Result<std::vector<FileInfo>> listed = blobs_[group].List();
-    if (!listed.ok()) return std::move(listed).error();
-    files[group] = *std::move(listed);
-  }
-  damaged_ += catalog->damaged;
-
-  std::map<std::string, std::uint64_t> mesh_bytes;
-  for (const FileInfo& file : files[static_cast<std::size_t>(FileGroup::kMeshes)]) {
-    if (file.readable && IsDigest(file.name)) mesh_bytes[file.name] = file.bytes;
-  }
-  std::vector<TreeRecord> records;
-  std::set<std::string> wanted;
-  for (TreeRecord& record : catalog->records) {
-    const auto mesh = mesh_bytes.find(record.id.mesh.ToHex());
-    if (mesh == mesh_bytes.end()) {
-      ++damaged_;
-      (void)catalog_.Remove(record.id);
-      continue;
-    }
-    record.mesh_bytes = mesh->second;
-    wanted.insert(mesh->first);
-    records.push_back(std::move(record));
-  }
-  for (std::size_t group = 0; group < kFileGroups; ++group) {
-    Sweep(wanted, static_cast<FileGroup>(group), std::move(files[group]));
-  }
-  return records;
-}
-
-// What no record names belongs to an upload or a deletion that a crash cut off.
-void SceneStore::Sweep(const std::set<std::string>& wanted, FileGroup group,
-                       std::vector<FileInfo> files) {
-  std::sort(files.begin(), files.end(), [](const FileInfo& a, const FileInfo& b) {
-    return std::tie(a.modified_ms, a.name) < std::tie(b.modified_ms, b.name);
-  });
-  for (const FileInfo& file : files) {
-    if (!file.readable || !IsOurs(group, file.name)) continue;
-    if (wanted.contains(DigestPart(file.name))) {
-      usage_.Set(group, file.name, file.bytes);
-    } else {
-      (void)Blobs(group).Remove(file.name);
-    }
-  }
 }
 
 bool SceneStore::RemoveOldestDerived() {
@@ -137,6 +84,20 @@ std::optional<Sha256Digest> SceneStore::OldestMesh(const std::set<std::string>& 
   const std::optional<std::string> name = usage_.Oldest(FileGroup::kMeshes, except);
   if (!name || !ParseSha256Hex(*name, &digest)) return std::nullopt;
   return digest;
+}
+
+std::optional<Sha256Digest> SceneStore::OldestUnrecordedMesh() const {
+  Sha256Digest digest;
+  const std::optional<std::string> name = usage_.Oldest(FileGroup::kUnrecorded);
+  if (!name || !ParseSha256Hex(*name, &digest)) return std::nullopt;
+  return digest;
+}
+
+void SceneStore::MarkUnrecorded(const Sha256Digest& mesh) {
+  const std::string name = mesh.ToHex();
+  const std::uint64_t bytes = usage_.BytesOf(FileGroup::kMeshes, name);
+  if (!usage_.Drop(FileGroup::kMeshes, name)) return;
+  usage_.Set(FileGroup::kUnrecorded, name, bytes);
 }
 
 Result<NewMesh> SceneStore::BeginMesh(std::uint64_t bytes) {
@@ -174,6 +135,7 @@ Status SceneStore::MakeRoomForArrived(std::uint64_t bytes, ArrivingRoom* room) {
 Status SceneStore::Commit(const Sha256Digest& mesh, NewMesh file, DiskRoom /*room*/) {
   const std::string name = mesh.ToHex();
   if (Status status = file.blob_.Commit(name); !status.ok()) return status;
+  usage_.Drop(FileGroup::kUnrecorded, name);
   usage_.Set(FileGroup::kMeshes, name, file.bytes());
   return {};
 }
@@ -193,46 +155,34 @@ void SceneStore::CountDamage(const Error& error) {
 }
 
 Result<std::unique_ptr<ReadableFile>> SceneStore::OpenMesh(const Sha256Digest& mesh) {
-  Result<std::unique_ptr<ReadableFile>> file = OpenCounted(FileGroup::kMeshes, mesh.ToHex());
-  if (!file.ok()) return file;
-  constexpr std::uint64_t kPiece = 1 << 20;
-  std::vector<std::byte> piece(kPiece);
-  Sha256 hash;
-  for (std::uint64_t offset = 0; offset < (*file)->size(); offset += piece.size()) {
-    piece.resize(static_cast<std::size_t>(std::min(kPiece, (*file)->size() - offset)));
-    if (Status status = (*file)->ReadAt(offset, piece); !status.ok()) {
-      CountDamage(status.error());
-      return std::move(status).error();
-    }
-    hash.Update(piece);
-  }
-  if (hash.Finish() != mesh) {
-    ++damaged_;
-    return DamagedMesh();
-  }
-  return file;
+  Result<std::unique_ptr<ReadableFile>> file = Blobs(FileGroup::kMeshes).Read(mesh.ToHex());
+  if (file.ok() && HashesTo(mesh, **file)) return file;
+  ++damaged_;
+  return DamagedMesh();
 }
 
 Result<std::vector<std::byte>> SceneStore::ReadMesh(const Sha256Digest& mesh) {
-  Result<std::unique_ptr<ReadableFile>> file = OpenCounted(FileGroup::kMeshes, mesh.ToHex());
-  if (!file.ok()) return std::move(file).error();
-  std::vector<std::byte> bytes(static_cast<std::size_t>((*file)->size()));
-  Status status = (*file)->ReadAt(0, bytes);
-  if (status.ok() && HashBytes(bytes) != mesh) status = DamagedMesh();
-  if (!status.ok()) {
-    CountDamage(status.error());
-    return std::move(status).error();
+  const auto file = Blobs(FileGroup::kMeshes).Read(mesh.ToHex());
+  if (file.ok()) {
+    std::vector<std::byte> bytes(static_cast<std::size_t>((*file)->size()));
+    if ((*file)->ReadAt(0, bytes).ok() && HashBytes(bytes) == mesh) return bytes;
   }
-  return bytes;
+  ++damaged_;
+  return DamagedMesh();
 }
 
 Status SceneStore::RemoveMesh(const Sha256Digest& mesh) {
   const std::string name = mesh.ToHex();
-  Status status = Blobs(FileGroup::kMeshes).Remove(name);
-  if (status.ok()) usage_.Drop(FileGroup::kMeshes, name);
   if (usage_.Drop(FileGroup::kParsed, name)) (void)Blobs(FileGroup::kParsed).Remove(name);
   for (const BuildKind build : kAllBuildKinds) RemoveTree(mesh, build);
-  RemoveTradeoff(mesh);
+  (void)RemoveTradeoff(mesh);
+  Status status = Blobs(FileGroup::kMeshes).Remove(name);
+  if (status.ok()) {
+    usage_.Drop(FileGroup::kMeshes, name);
+    usage_.Drop(FileGroup::kUnrecorded, name);
+  } else {
+    MarkUnrecorded(mesh);
+  }
   const std::lock_guard lock(touched_mutex_);
   touched_.erase(mesh);
   return status;
@@ -313,7 +263,7 @@ void SceneStore::WriteTree(const TreeFileKey& key, const Tree& tree) {
 
 Result<MeasuredTradeoff> SceneStore::ReadTradeoff(const Sha256Digest& mesh) {
   const std::string name = mesh.ToHex();
-  if (usage_.BytesOf(FileGroup::kMeasured, name) == 0) {
+  if (!HasTradeoff(mesh)) {
     return Error{ErrorCode::kNotFound, "nothing was measured"};
   }
   Result<std::unique_ptr<ReadableFile>> file = OpenCounted(FileGroup::kMeasured, name);
@@ -328,9 +278,16 @@ void SceneStore::WriteTradeoff(const Sha256Digest& mesh, const MeasuredTradeoff&
                [&](NewBlob blob) { return WriteTradeoffFile(mesh, measured, std::move(blob)); });
 }
 
-void SceneStore::RemoveTradeoff(const Sha256Digest& mesh) {
+bool SceneStore::HasTradeoff(const Sha256Digest& mesh) const {
+  return usage_.BytesOf(FileGroup::kMeasured, mesh.ToHex()) != 0;
+}
+
+Status SceneStore::RemoveTradeoff(const Sha256Digest& mesh) {
   const std::string name = mesh.ToHex();
-  if (usage_.Drop(FileGroup::kMeasured, name)) (void)Blobs(FileGroup::kMeasured).Remove(name);
+  if (!HasTradeoff(mesh)) return {};
+  Status removed = Blobs(FileGroup::kMeasured).Remove(name);
+  if (removed.ok()) usage_.Drop(FileGroup::kMeasured, name);
+  return removed;
 }
 
 void SceneStore::RemoveTree(const Sha256Digest& mesh, BuildKind build) {

@@ -1,7 +1,8 @@
 // The data directory:
 //   lock              held while a daemon uses the directory
 //   meshes/<sha256>   the uploaded bytes, as they came
-//   catalog/<id>      which trees there are (catalog.h); this is what makes a mesh be there
+//   catalog/<id>      which trees there are (catalog.h): a mesh without a record serves nobody, and
+//                     is kept until the same bytes are uploaded again or the limit needs its room
 //   parsed/<sha256>   derived: the parsed mesh (mesh_file.h)
 //   trees/<sha256>-<build>   derived: the built tree (tree_file.h)
 //   measured/<sha256>        derived: the trade-off that was measured (tradeoff_file.h)
@@ -21,6 +22,7 @@
 #include <set>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/base/hash.h"
@@ -76,27 +78,48 @@ class SceneStore {
   /// else those of FileSystem.
   static Result<std::unique_ptr<SceneStore>> Open(const Options& options);
 
-  /// Reads the catalog and removes what no record needs. Call once, after Open. A record whose
-  /// mesh file is gone is dropped.
-  Result<std::vector<TreeRecord>> Load();
+  struct Contents {
+    std::vector<TreeRecord> records;           ///< in no order
+    std::set<Sha256Digest> unreadable_meshes;  ///< of the recorded ones: missing, foreign, cut
+  };
+  /// Reads the catalog and takes stock of the folders, which it makes if need be. Call once, after
+  /// Open. Removes derived files that belong to no mesh, and no others. A record stays whatever has
+  /// become of its mesh. kCorrupt, with nothing changed, when the directory is not what it was: a
+  /// folder belongs to another user or cannot be read; one is missing although the catalog names
+  /// meshes, or the catalog's although there are meshes; or at least two, and more than half, of
+  /// the recorded meshes or of the records cannot be read.
+  Result<Contents> Load();
 
   // Meshes.
 
+  /// Nothing when the limit does not leave `bytes` free.
+  std::optional<DiskRoom> TryReserve(std::uint64_t bytes) { return usage_.TryReserve(bytes); }
   /// Removes derived files, least recently used first, until the limit leaves `bytes` free. Nothing
   /// when that is not enough.
   std::optional<DiskRoom> MakeRoom(std::uint64_t bytes);
   /// The mesh to give up next, but for `except` (digests in hexadecimal).
   std::optional<Sha256Digest> OldestMesh(const std::set<std::string>& except) const;
+  /// A mesh that no record names, to be given up before anything else.
+  std::optional<Sha256Digest> OldestUnrecordedMesh() const;
+  std::uint64_t unrecorded_meshes() const { return usage_.Count(FileGroup::kUnrecorded); }
   /// kStoreFull when the disk has no room for `bytes`, even without derived files, or cannot be
   /// written. Nothing is removed before the bytes are there.
   Result<NewMesh> BeginMesh(std::uint64_t bytes);
-  /// Durable when it returns. `room`: what MakeRoom gave for it.
+  /// Durable when it returns; replaces what had the name. `room`: what MakeRoom gave for it.
   Status Commit(const Sha256Digest& mesh, NewMesh file, DiskRoom room);
-  /// kCorrupt unless the bytes have the digest: hashes the whole file.
+  /// Whether there is a readable file of this size now. Does not look at its bytes.
+  bool HasMesh(const Sha256Digest& mesh, std::uint64_t bytes) const {
+    return !WhyUnreadable(mesh, bytes).has_value();
+  }
+  /// kCorrupt when it is missing, cannot be read, or its bytes do not have the digest (this hashes
+  /// the whole file): storing it again repairs it.
   Result<std::unique_ptr<ReadableFile>> OpenMesh(const Sha256Digest& mesh);
   Result<std::vector<std::byte>> ReadMesh(const Sha256Digest& mesh);
-  /// The mesh file and all that was derived from it.
+  /// All that was derived from the mesh, then its file. No record names it any more: should the
+  /// disk refuse, it is an unrecorded mesh.
   Status RemoveMesh(const Sha256Digest& mesh);
+  /// No record names the mesh's file any more.
+  void MarkUnrecorded(const Sha256Digest& mesh);
   /// Notes a use, for OldestMesh.
   void UseMesh(const Sha256Digest& mesh);
 
@@ -115,12 +138,16 @@ class SceneStore {
   /// kNotFound when there is none.
   Result<MeasuredTradeoff> ReadTradeoff(const Sha256Digest& mesh);
   void WriteTradeoff(const Sha256Digest& mesh, const MeasuredTradeoff& measured);
-  void RemoveTradeoff(const Sha256Digest& mesh);
+  bool HasTradeoff(const Sha256Digest& mesh) const;
+  /// Durable when it returns; nothing there is success.
+  Status RemoveTradeoff(const Sha256Digest& mesh);
 
   // The catalog.
 
   Status SaveRecord(const TreeRecord& record) { return catalog_.Save(record); }
   Status RemoveRecord(const TreeId& id) { return catalog_.Remove(id); }
+  Status RemoveRecordsOf(const Sha256Digest& mesh) { return catalog_.RemoveAllOf(mesh); }
+  bool HasRecord(const TreeId& id) const { return catalog_.Has(id); }
 
   std::uint64_t bytes() const { return usage_.total(); }
   std::optional<std::uint64_t> limit() const { return usage_.limit(); }
@@ -129,10 +156,27 @@ class SceneStore {
 
  private:
   friend class NewMesh;
+
+  using RecordedMeshes = std::map<Sha256Digest, std::uint64_t>;  // with their sizes
+  using Files = std::array<std::vector<FileInfo>, kFileGroups>;  // by FileGroup
+
+  // By FileGroup: a mesh keeps its place whether a record names it or not.
+  static constexpr std::array<std::string_view, kFileGroups> kFolders = {
+      "meshes", "parsed", "trees", "measured", "meshes"};
+  static constexpr std::string_view kCatalogFolder = "catalog";
+
   explicit SceneStore(const Options& options);
   Status MakeRoomForArrived(std::uint64_t bytes, ArrivingRoom* room);
   BlobStore& Blobs(FileGroup group) { return blobs_[static_cast<std::size_t>(group)]; }
-  void Sweep(const std::set<std::string>& wanted, FileGroup group, std::vector<FileInfo> files);
+  const BlobStore& Blobs(FileGroup group) const { return blobs_[static_cast<std::size_t>(group)]; }
+
+  // Of the start (scene_store_load.cc):
+  Result<std::set<std::string_view>> MissingFolders() const;
+  static RecordedMeshes RecordedIn(const Catalog::Contents& catalog);
+  Result<std::set<Sha256Digest>> UnreadableMeshes(const RecordedMeshes& recorded) const;
+  void TakeStock(const RecordedMeshes& recorded, Files files);
+  std::optional<std::string> WhyUnreadable(const Sha256Digest& mesh, std::uint64_t bytes) const;
+
   bool RemoveOldestDerived();
   template <class Write>
   void WriteDerived(FileGroup group, const std::string& name, std::uint64_t bytes_expected,

@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -105,6 +107,34 @@ TEST_F(DaemonProcess, RefusesAPortOrADataDirectoryThatIsTaken) {
   EXPECT_EQ(same_data.WaitForExit(), 1);
   EXPECT_EQ(same_data.output(), "");
   EXPECT_EQ(MustAnswer(port, MakeRequest("GET", "/healthz")).status, 200);
+}
+
+TEST_F(DaemonProcess, EndsWithOneLineWhereItsDataAreNotAsItLeftThem) {
+  const auto meshes = folder_.path() / "data" / "meshes";
+  const auto away = folder_.path() / "away";
+  {
+    Daemon daemon(Options());
+    const int port = PortOf(daemon);
+    const std::string mesh = test::ObjText(test::IcoSphere({0, 0, 0}, 1, 1));
+    EXPECT_EQ(MustAnswer(port, MakeRequest("POST", "/v1/trees", mesh)).status, 201);
+    daemon.Signal(SIGTERM);
+    EXPECT_EQ(daemon.WaitForExit(), 0);
+  }
+  std::filesystem::rename(meshes, away);
+  Daemon refused(Options());
+  EXPECT_EQ(refused.WaitForExit(), 1);
+  EXPECT_EQ(refused.output(), "");
+  const std::string errors = refused.errors();
+  ASSERT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
+  const std::string message = json::parse(errors).at("message");
+  EXPECT_THAT(message, HasSubstr((folder_.path() / "data").string()));
+  EXPECT_THAT(message, HasSubstr("folder meshes is missing"));
+  EXPECT_FALSE(std::filesystem::exists(meshes));
+
+  std::filesystem::rename(away, meshes);
+  Daemon daemon(Options());
+  const RawAnswer list = MustAnswer(PortOf(daemon), MakeRequest("GET", "/v1/trees"));
+  EXPECT_EQ(json::parse(list.body).at("trees").size(), 1u);
 }
 
 TEST_F(DaemonProcess, TakesOptionsFromTheEnvironment) {

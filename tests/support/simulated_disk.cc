@@ -98,6 +98,12 @@ void SimulatedDisk::DieAt(std::uint64_t n) {
   fail_at_.reset();
 }
 
+void SimulatedDisk::Revive() {
+  const std::lock_guard lock(mutex_);
+  fail_at_.reset();
+  die_at_.reset();
+}
+
 void SimulatedDisk::Restart(Loss loss) {
   const std::lock_guard lock(mutex_);
   operations_ = 0;
@@ -137,7 +143,7 @@ void SimulatedDisk::set_read_only(bool read_only) {
 std::vector<std::string> SimulatedDisk::FilesIn(const Path& directory) const {
   const std::lock_guard lock(mutex_);
   std::vector<std::string> names;
-  if (const auto folder = folders_.find(directory); folder != folders_.end()) {
+  if (const auto folder = folders_.find(Resolve(directory)); folder != folders_.end()) {
     for (const auto& [name, inode] : folder->second.names) names.push_back(name);
   }
   return names;
@@ -145,7 +151,7 @@ std::vector<std::string> SimulatedDisk::FilesIn(const Path& directory) const {
 
 std::optional<std::vector<std::byte>> SimulatedDisk::Contents(const Path& path) const {
   const std::lock_guard lock(mutex_);
-  const auto folder = folders_.find(path.parent_path());
+  const auto folder = folders_.find(Resolve(path.parent_path()));
   if (folder == folders_.end()) return std::nullopt;
   const auto file = folder->second.names.find(path.filename());
   if (file == folder->second.names.end()) return std::nullopt;
@@ -158,20 +164,80 @@ void SimulatedDisk::SetContents(const Path& path, std::vector<std::byte> content
   inode->contents = contents;
   inode->synced = std::move(contents);
   inode->modified_ms = ++clock_ms_;
-  Folder& folder = folders_[path.parent_path()];
+  Folder& folder = folders_[Resolve(path.parent_path())];
   folder.names[path.filename()] = inode;
   folder.synced[path.filename()] = inode;
 }
 
 void SimulatedDisk::Erase(const Path& path) {
   const std::lock_guard lock(mutex_);
-  folders_[path.parent_path()].names.erase(path.filename());
-  folders_[path.parent_path()].synced.erase(path.filename());
+  folders_[Resolve(path.parent_path())].names.erase(path.filename());
+  folders_[Resolve(path.parent_path())].synced.erase(path.filename());
 }
 
 void SimulatedDisk::MakeUnreadable(const Path& path) {
   const std::lock_guard lock(mutex_);
-  folders_[path.parent_path()].names.at(path.filename())->readable = false;
+  folders_[Resolve(path.parent_path())].names.at(path.filename())->readable = false;
+}
+
+void SimulatedDisk::MakeReadable(const Path& path) {
+  const std::lock_guard lock(mutex_);
+  folders_[Resolve(path.parent_path())].names.at(path.filename())->readable = true;
+}
+
+void SimulatedDisk::GiveAway(const Path& folder) {
+  const std::lock_guard lock(mutex_);
+  Folder& given = folders_.at(Resolve(folder));
+  given.own = false;
+  for (auto& [name, inode] : given.names) inode->readable = false;
+}
+
+void SimulatedDisk::TakeBack(const Path& folder) {
+  const std::lock_guard lock(mutex_);
+  Folder& taken = folders_.at(Resolve(folder));
+  taken.own = true;
+  for (auto& [name, inode] : taken.names) inode->readable = true;
+}
+
+void SimulatedDisk::Unmount(const Path& folder, Absence absence) {
+  const std::lock_guard lock(mutex_);
+  const Path path = Resolve(folder);
+  unmounted_[path] = std::move(folders_.at(path));
+  folders_.erase(path);
+  if (absence == Absence::kEmpty) folders_[path];
+}
+
+void SimulatedDisk::Mount(const Path& folder) {
+  const std::lock_guard lock(mutex_);
+  const auto back = unmounted_.find(Resolve(folder));
+  folders_[back->first] = std::move(back->second);
+  unmounted_.erase(back);
+}
+
+void SimulatedDisk::SetAccess(const Path& folder, Access access) {
+  const std::lock_guard lock(mutex_);
+  folders_.at(Resolve(folder)).access = access;
+}
+
+void SimulatedDisk::Link(const Path& folder, const Path& target) {
+  const std::lock_guard lock(mutex_);
+  std::map<Path, Folder> moved;
+  for (auto& [path, contents] : folders_) {
+    const Path below = path.lexically_relative(folder);
+    const bool is_below = !below.empty() && *below.begin() != "..";
+    moved[!is_below ? path : below == "." ? target : target / below] = std::move(contents);
+  }
+  folders_ = std::move(moved);
+  links_[folder] = target;
+}
+
+std::map<core::FileSystem::Path, std::vector<std::byte>> SimulatedDisk::AllFiles() const {
+  const std::lock_guard lock(mutex_);
+  std::map<Path, std::vector<std::byte>> files;
+  for (const auto& [path, folder] : folders_) {
+    for (const auto& [name, inode] : folder.names) files[path / name] = inode->contents;
+  }
+  return files;
 }
 
 std::optional<Error> SimulatedDisk::Step() {
@@ -187,9 +253,26 @@ std::optional<Error> SimulatedDisk::WriteStep() {
   return std::nullopt;
 }
 
-SimulatedDisk::Folder* SimulatedDisk::FolderOf(const Path& path) {
-  const auto folder = folders_.find(path.parent_path());
-  return folder == folders_.end() ? nullptr : &folder->second;
+core::FileSystem::Path SimulatedDisk::Resolve(const Path& folder) const {
+  Path resolved;
+  for (const Path& part : folder) {
+    resolved /= part;
+    if (const auto link = links_.find(resolved); link != links_.end()) resolved = link->second;
+  }
+  return resolved;
+}
+
+SimulatedDisk::Folder* SimulatedDisk::Find(const Path& folder) {
+  const auto found = folders_.find(Resolve(folder));
+  return found == folders_.end() ? nullptr : &found->second;
+}
+
+std::optional<Error> SimulatedDisk::Refuses(const Folder* folder, bool to_write) const {
+  if (folder == nullptr) return Error{ErrorCode::kNotFound, "no such folder"};
+  const bool allowed =
+      to_write ? folder->access == Access::kAll : folder->access != Access::kNothing;
+  if (!allowed) return Error{ErrorCode::kIo, "permission denied"};
+  return std::nullopt;
 }
 
 std::uint64_t SimulatedDisk::Used() const {
@@ -204,7 +287,7 @@ Result<std::unique_ptr<core::WritableFile>> SimulatedDisk::Create(const Path& pa
   const std::lock_guard lock(mutex_);
   if (std::optional<Error> fault = WriteStep()) return *std::move(fault);
   Folder* folder = FolderOf(path);
-  if (folder == nullptr) return Error{ErrorCode::kNotFound, "no such folder"};
+  if (std::optional<Error> refusal = Refuses(folder, true)) return *std::move(refusal);
   auto inode = std::make_shared<Inode>();
   inode->modified_ms = ++clock_ms_;
   if (!folder->names.emplace(path.filename(), inode).second) {
@@ -217,7 +300,7 @@ Result<std::unique_ptr<core::ReadableFile>> SimulatedDisk::Open(const Path& path
   const std::lock_guard lock(mutex_);
   if (std::optional<Error> fault = Step()) return *std::move(fault);
   Folder* folder = FolderOf(path);
-  if (folder == nullptr) return Error{ErrorCode::kNotFound, "no such folder"};
+  if (std::optional<Error> refusal = Refuses(folder, false)) return *std::move(refusal);
   const auto file = folder->names.find(path.filename());
   if (file == folder->names.end()) return Error{ErrorCode::kNotFound, "no such file"};
   if (!file->second->readable) return Error{ErrorCode::kCorrupt, "no regular file"};
@@ -229,7 +312,9 @@ Status SimulatedDisk::Rename(const Path& from, const Path& to) {
   if (std::optional<Error> fault = WriteStep()) return *std::move(fault);
   Folder* source = FolderOf(from);
   Folder* target = FolderOf(to);
-  if (source == nullptr || target == nullptr) return Error{ErrorCode::kNotFound, "no such folder"};
+  for (const Folder* folder : {source, target}) {
+    if (std::optional<Error> refusal = Refuses(folder, true)) return *std::move(refusal);
+  }
   const auto file = source->names.find(from.filename());
   if (file == source->names.end()) return Error{ErrorCode::kNotFound, "no such file"};
   const std::shared_ptr<Inode> inode = file->second;
@@ -242,7 +327,8 @@ Status SimulatedDisk::Remove(const Path& path) {
   const std::lock_guard lock(mutex_);
   if (std::optional<Error> fault = WriteStep()) return *std::move(fault);
   Folder* folder = FolderOf(path);
-  if (folder == nullptr || folder->names.erase(path.filename()) == 0) {
+  if (std::optional<Error> refusal = Refuses(folder, true)) return *std::move(refusal);
+  if (folder->names.erase(path.filename()) == 0) {
     return Error{ErrorCode::kNotFound, "no such file"};
   }
   return {};
@@ -251,28 +337,38 @@ Status SimulatedDisk::Remove(const Path& path) {
 Status SimulatedDisk::SyncDirectory(const Path& path) {
   const std::lock_guard lock(mutex_);
   if (std::optional<Error> fault = WriteStep()) return *std::move(fault);
-  const auto folder = folders_.find(path);
-  if (folder == folders_.end()) return Error{ErrorCode::kNotFound, "no such folder"};
-  folder->second.synced = folder->second.names;
+  Folder* folder = Find(path);
+  if (std::optional<Error> refusal = Refuses(folder, false)) return *std::move(refusal);
+  folder->synced = folder->names;
   return {};
+}
+
+Result<core::FolderInfo> SimulatedDisk::Examine(const Path& directory) {
+  const std::lock_guard lock(mutex_);
+  if (std::optional<Error> fault = Step()) return *std::move(fault);
+  const Folder* folder = Find(directory);
+  if (folder == nullptr) return Error{ErrorCode::kNotFound, "no such folder"};
+  constexpr std::uint32_t kUser = 1000;
+  return core::FolderInfo{folder->own ? kUser : kUser + 1, kUser};
 }
 
 Status SimulatedDisk::MakeDirectory(const Path& path) {
   const std::lock_guard lock(mutex_);
   if (std::optional<Error> fault = Step()) return *std::move(fault);
-  if (folders_.contains(path)) return {};
+  if (Find(path) != nullptr) return {};
+  if (links_.contains(path)) return Error{ErrorCode::kIo, "no folder"};
   if (read_only_) return Error{ErrorCode::kStoreFull, "the disk is read-only"};
-  folders_[path];
+  folders_[Resolve(path)];
   return {};
 }
 
 Result<std::vector<core::FileInfo>> SimulatedDisk::List(const Path& directory) {
   const std::lock_guard lock(mutex_);
   if (std::optional<Error> fault = Step()) return *std::move(fault);
-  const auto folder = folders_.find(directory);
-  if (folder == folders_.end()) return Error{ErrorCode::kNotFound, "no such folder"};
+  const Folder* folder = Find(directory);
+  if (std::optional<Error> refusal = Refuses(folder, false)) return *std::move(refusal);
   std::vector<core::FileInfo> files;
-  for (const auto& [name, inode] : folder->second.names) {
+  for (const auto& [name, inode] : folder->names) {
     files.push_back({name, inode->contents.size(), inode->modified_ms, inode->readable});
   }
   return files;
@@ -282,6 +378,7 @@ Status SimulatedDisk::Touch(const Path& path) {
   const std::lock_guard lock(mutex_);
   if (std::optional<Error> fault = WriteStep()) return *std::move(fault);
   Folder* folder = FolderOf(path);
+  if (std::optional<Error> refusal = Refuses(folder, false)) return *std::move(refusal);
   const auto file = folder->names.find(path.filename());
   if (file == folder->names.end()) return Error{ErrorCode::kNotFound, "no such file"};
   file->second->modified_ms = ++clock_ms_;

@@ -31,6 +31,8 @@ class SimulatedDisk final : public core::FileSystem {
   void FailAt(std::uint64_t n, core::ErrorCode code);
   /// Operation number `n` from now and all after it fail: the process has died.
   void DieAt(std::uint64_t n);
+  /// No more faults: the disk recovers while the process goes on.
+  void Revive();
   /// Back to life after a crash: no more faults, locks free.
   void Restart(Loss loss);
   /// Operations since the last FailAt, DieAt or Restart.
@@ -44,14 +46,33 @@ class SimulatedDisk final : public core::FileSystem {
   std::optional<std::vector<std::byte>> Contents(const Path& path) const;
   void SetContents(const Path& path, std::vector<std::byte> contents);
   void Erase(const Path& path);
-  /// What stands there is no regular file of this user from now on.
+  /// What stands there is no regular file of this user from now on: a link, or another's.
   void MakeUnreadable(const Path& path);
+  void MakeReadable(const Path& path);
+
+  // What administrators do to folders.
+  /// The folder and all in it belong to another user from now on, as after chown -R by root.
+  void GiveAway(const Path& folder);
+  void TakeBack(const Path& folder);
+  /// The folder is gone with all in it, or empty as a mount point is without its disk.
+  enum class Absence { kMissing, kEmpty };
+  void Unmount(const Path& folder, Absence absence);
+  void Mount(const Path& folder);
+  /// What this user may do in the folder, as after chmod.
+  enum class Access { kAll, kReadOnly, kNothing };
+  void SetAccess(const Path& folder, Access access);
+  /// The name stands for the folder `target`, which need not be there. What had the name goes
+  /// there.
+  void Link(const Path& folder, const Path& target);
+  /// Every file on the disk by its path, with its contents.
+  std::map<Path, std::vector<std::byte>> AllFiles() const;
 
   core::Result<std::unique_ptr<core::WritableFile>> Create(const Path& path) override;
   core::Result<std::unique_ptr<core::ReadableFile>> Open(const Path& path) override;
   core::Status Rename(const Path& from, const Path& to) override;
   core::Status Remove(const Path& path) override;
   core::Status SyncDirectory(const Path& path) override;
+  core::Result<core::FolderInfo> Examine(const Path& directory) override;
   core::Status MakeDirectory(const Path& path) override;
   core::Result<std::vector<core::FileInfo>> List(const Path& directory) override;
   core::Status Touch(const Path& path) override;
@@ -68,6 +89,8 @@ class SimulatedDisk final : public core::FileSystem {
   struct Folder {
     std::map<std::string, std::shared_ptr<Inode>> names;
     std::map<std::string, std::shared_ptr<Inode>> synced;
+    bool own = true;
+    Access access = Access::kAll;
   };
   class File;
   class Reader;
@@ -76,11 +99,16 @@ class SimulatedDisk final : public core::FileSystem {
   // With mutex_ held:
   std::optional<core::Error> Step();       // counts an operation; the fault that is due
   std::optional<core::Error> WriteStep();  // as Step, for operations that change something
-  Folder* FolderOf(const Path& path);
+  Path Resolve(const Path& folder) const;  // what it is after all links
+  Folder* Find(const Path& folder);
+  Folder* FolderOf(const Path& path) { return Find(path.parent_path()); }
+  std::optional<core::Error> Refuses(const Folder* folder, bool to_write) const;
   std::uint64_t Used() const;
 
   mutable std::mutex mutex_;
   std::map<Path, Folder> folders_;
+  std::map<Path, Folder> unmounted_;
+  std::map<Path, Path> links_;
   std::map<Path, bool> locked_;
   std::uint64_t operations_ = 0;
   std::optional<std::uint64_t> fail_at_;

@@ -292,7 +292,7 @@ TEST_F(LibraryDiskTest, DamagedMeshBytesAreNeverServedAndAnUploadRepairsThem) {
     }
     const auto damaged = library_->OpenMesh(id);
     ASSERT_FALSE(damaged.ok());
-    EXPECT_EQ(damaged.error().code, lost ? ErrorCode::kNotFound : ErrorCode::kCorrupt);
+    EXPECT_EQ(damaged.error().code, ErrorCode::kCorrupt);
     EXPECT_EQ(AnswersOf(library_.get(), id), expected) << "the parsed mesh is good";
     const auto again = Upload(library_.get(), bytes);
     ASSERT_TRUE(again.ok());
@@ -336,20 +336,26 @@ TEST_F(LibraryDiskTest, JunkInTheDataDirectoryIsLeftAlone) {
     junk.push_back(data / folder / (id.mesh.ToHex() + ".bak"));
   }
   for (const auto& path : junk) disk_.SetContents(path, Bytes("junk"));
-  // What is ours by name and nobody's by catalog goes.
+  // A mesh that no record names stays with what was derived from it; what was derived from nothing
+  // goes, and a record stays although its mesh is lost.
   const std::string orphan = DigestOf(Bytes("orphan")).ToHex();
+  const std::string nothing = DigestOf(Bytes("nothing")).ToHex();
   disk_.SetContents(data / "meshes" / orphan, Bytes("orphan"));
-  disk_.SetContents(data / "parsed" / orphan, Bytes("orphan"));
-  disk_.SetContents(data / "trees" / (orphan + "-bvh"), Bytes("orphan"));
+  for (const std::string& mesh : {orphan, nothing}) {
+    disk_.SetContents(data / "parsed" / mesh, Bytes("junk"));
+    disk_.SetContents(data / "trees" / (mesh + "-bvh"), Bytes("junk"));
+  }
   disk_.SetContents(data / "catalog" / (DigestOf(Bytes("gone")).ToHex() + "-bvh"), Bytes("x"));
   Open();
-  EXPECT_EQ(library_->counters().trees, 1u);
+  EXPECT_EQ(library_->counters().trees, 2u);
   EXPECT_EQ(AnswersOf(library_.get(), id), expected);
   for (const auto& path : junk) EXPECT_TRUE(disk_.Contents(path).has_value()) << path;
-  EXPECT_FALSE(disk_.Contents(data / "meshes" / orphan).has_value());
-  EXPECT_FALSE(disk_.Contents(data / "parsed" / orphan).has_value());
-  EXPECT_FALSE(disk_.Contents(data / "trees" / (orphan + "-bvh")).has_value());
-  EXPECT_EQ(FilesIn("catalog"), 6u);
+  EXPECT_TRUE(disk_.Contents(data / "meshes" / orphan).has_value());
+  EXPECT_TRUE(disk_.Contents(data / "parsed" / orphan).has_value());
+  EXPECT_TRUE(disk_.Contents(data / "trees" / (orphan + "-bvh")).has_value());
+  EXPECT_FALSE(disk_.Contents(data / "parsed" / nothing).has_value());
+  EXPECT_FALSE(disk_.Contents(data / "trees" / (nothing + "-bvh")).has_value());
+  EXPECT_EQ(FilesIn("catalog"), 7u);
 }
 
 TEST_F(LibraryDiskTest, ABuildThatWasCutOffResumes) {

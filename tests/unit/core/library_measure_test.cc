@@ -1,10 +1,12 @@
 // What a library measures on its meshes, and how long it keeps it.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <limits>
 #include <thread>
+#include <vector>
 
 #include "tests/unit/core/library_fixture.h"
 
@@ -143,6 +145,46 @@ TEST_F(LibraryMeasureTest, ADamagedFileIsNothingMeasured) {
   EXPECT_EQ(Measured(id), std::nullopt);
   EXPECT_GE(library_->counters().damaged_files, 1u);
   EXPECT_TRUE(Measure(id));
+}
+
+TEST_F(LibraryMeasureTest, WhoWaitsForAMeasuringHoldsUpNothingElse) {
+  const TreeId id = Add(SphereBytes(1));
+  // Whoever waits looks for a stored measurement first; a measuring that begins in between is
+  // waited for like any other. So both go on until such a meeting has happened many times.
+  std::atomic<bool> ends{false};
+  std::vector<std::thread> clients;
+  for (int i = 0; i < 2; ++i) {
+    clients.emplace_back([&] {
+      while (!ends) {
+        (void)library_->WaitForMeasured(
+            id, std::chrono::steady_clock::now() + std::chrono::seconds(2), Soon());
+      }
+    });
+  }
+  TradeoffOptions options = Quick();
+  options.trace_time = std::chrono::hours(1);
+  std::chrono::steady_clock::duration longest{};
+  const auto begin = std::chrono::steady_clock::now();
+  while (std::chrono::steady_clock::now() - begin < std::chrono::milliseconds(1500)) {
+    EXPECT_TRUE(library_->ForgetMeasured(id).ok());
+    EXPECT_TRUE(library_->Measure(id, options).ok());
+    const auto start = std::chrono::steady_clock::now();
+    EXPECT_TRUE(library_->AddBuild(id.mesh, std::nullopt).ok());
+    longest = std::max(longest, std::chrono::steady_clock::now() - start);
+  }
+  ends = true;
+  EXPECT_TRUE(library_->ForgetMeasured(id).ok());
+  for (std::thread& client : clients) client.join();
+  EXPECT_LT(longest, std::chrono::milliseconds(1500));
+}
+
+TEST_F(LibraryMeasureTest, AMeasuringThatWaitsForItsTreeLeavesItsPlaceToBuilds) {
+  std::vector<TreeId> ids;
+  for (int number = 1; number <= 3; ++number) ids.push_back(Add(SphereBytes(number, 30)));
+  Open();
+  // Each is read in again while the measurings before it run.
+  for (const TreeId& id : ids) EXPECT_TRUE(library_->Measure(id, Quick()).ok());
+  for (const TreeId& id : ids) EXPECT_TRUE(Measured(id));
 }
 
 TEST_F(LibraryMeasureTest, AShutdownDoesNotWaitForIt) {
