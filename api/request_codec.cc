@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "api/batch_type.h"
+#include "api/field_use.h"
 #include "api/json_reader.h"
 #include "api/request_fields.h"
 
@@ -25,9 +26,11 @@ Problem ImageTooLarge(std::string detail, std::uint64_t limit, std::int64_t actu
 }
 
 /// What no field sees alone. `pointer` goes before the names of fields.
-Outcome<RenderRequest> CheckedRender(Outcome<RenderRequest> request, const std::string& pointer,
-                                     const Limits& limits) {
+Outcome<RenderRequest> CheckedRender(Outcome<RenderRequest> request, ImageForm form,
+                                     const FieldTable<RenderRequest>& table,
+                                     const std::string& pointer, const Limits& limits) {
   if (!request) return request;
+  if (Check unused = CheckFieldsAreUsed(*request, form, table, pointer)) return *std::move(unused);
   const Region all{0, 0, request->width, request->height};
   const Region part = request->region.value_or(all);
   if (part.x0 >= part.x1 || part.y0 >= part.y1 || part.x1 > all.x1 || part.y1 > all.y1) {
@@ -96,11 +99,13 @@ Check CheckNoParameters(std::string_view query) {
   return read ? std::nullopt : Check(std::move(read).problem());
 }
 
-Outcome<RenderRequest> DecodeRenderQuery(std::string_view query, const Limits& limits) {
-  return CheckedRender(ReadQuery(RenderFields(limits), query), "", limits);
+Outcome<RenderRequest> DecodeRenderQuery(std::string_view query, ImageForm form,
+                                         const Limits& limits) {
+  const FieldTable<RenderRequest> table = RenderFields(limits);
+  return CheckedRender(ReadQuery(table, query), form, table, "", limits);
 }
 
-Outcome<RenderRequest> DecodeRenderBody(std::string_view body,
+Outcome<RenderRequest> DecodeRenderBody(std::string_view body, ImageForm form,
                                         std::optional<std::string_view> content_type,
                                         const Limits& limits) {
   if (Check problem = CheckJsonContentType(content_type)) return *std::move(problem);
@@ -114,7 +119,8 @@ Outcome<RenderRequest> DecodeRenderBody(std::string_view body,
   }
   const Outcome<JsonObject> object = ReadJsonObject(body, limits.max_json_depth);
   if (!object) return object.problem();
-  return CheckedRender(ReadObject(RenderFields(limits), *object), "/", limits);
+  const FieldTable<RenderRequest> table = RenderFields(limits);
+  return CheckedRender(ReadObject(table, *object), form, table, "/", limits);
 }
 
 std::string CanonicalQuery(const RenderRequest& request) {

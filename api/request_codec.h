@@ -28,11 +28,13 @@ Outcome<RayOptions> DecodeAnyOptions(std::string_view query, const Limits& limit
 Check CheckNoParameters(std::string_view query);
 
 /// GET render.png and render.npy. image_too_large when the image, or the region of it that is asked
-/// for, has more pixels or a longer side than the limits say.
-Outcome<RenderRequest> DecodeRenderQuery(std::string_view query, const Limits& limits);
+/// for, has more pixels or a longer side than the limits say. invalid_parameter also for a field
+/// that the mode, the projection or the form does not use (api/field_use.h).
+Outcome<RenderRequest> DecodeRenderQuery(std::string_view query, ImageForm form,
+                                         const Limits& limits);
 /// POST render.png and render.npy: the same fields as a JSON object. Also unsupported_media_type (a
 /// Content-Type that names something other than JSON) and body_too_large.
-Outcome<RenderRequest> DecodeRenderBody(std::string_view body,
+Outcome<RenderRequest> DecodeRenderBody(std::string_view body, ImageForm form,
                                         std::optional<std::string_view> content_type,
                                         const Limits& limits);
 

@@ -231,6 +231,7 @@ struct Tradeoff {
 
 enum class Projection : std::uint8_t { kPerspective, kOrthographic };
 enum class RenderMode : std::uint8_t { kShaded, kNormal, kDepth, kTriangle };
+enum class ImageForm : std::uint8_t { kPng, kNpy };  ///< render.png, render.npy
 struct Region {
   std::int64_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;  ///< half-open pixels of the whole image
 };
@@ -247,9 +248,9 @@ struct RenderRequest {
   RenderMode mode = RenderMode::kShaded;
   std::int64_t samples = 1;
   Precision precision = Precision::kAuto;
-  std::optional<Vec3> color;       ///< sRGB 0..1
-  std::optional<Vec3> background;  ///< sRGB 0..1; see `transparent`
-  bool transparent = false;        ///< background=transparent
+  Vec3 color = {0.93, 0.88, 0.81};  ///< of the surface, sRGB 0..1
+  std::optional<Vec3> background;   ///< sRGB 0..1; see `transparent`. Left out: DefaultBackground
+  bool transparent = false;         ///< background=transparent
   std::optional<std::int64_t> cells_depth;
   std::optional<Region> region;
   std::uint64_t seed = 0;
@@ -258,6 +259,11 @@ struct RenderRequest {
   std::int64_t max_samples = 1024;        ///< per pixel, with budget_ms or max_noise
   std::int64_t deadline_ms = 60000;
 };
+
+/// White behind a shaded mesh, black behind numbers.
+constexpr Vec3 DefaultBackground(RenderMode mode) {
+  return mode == RenderMode::kShaded ? Vec3{1, 1, 1} : Vec3{0, 0, 0};
+}
 
 /// Row-major [height][width][channels], top row first.
 struct ImageArray {

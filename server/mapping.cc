@@ -284,7 +284,7 @@ core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision preci
   }
   spec.samples = static_cast<int>(request.samples);
   spec.precision = precision;
-  if (request.color) spec.color = ToRgb(*request.color);
+  spec.color = ToRgb(request.color);
   if (request.background || request.transparent) {
     core::Background background;
     if (request.background) background.color = ToRgb(*request.background);

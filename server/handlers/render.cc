@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "api/batch_codec.h"
+#include "api/json_pointer.h"
 #include "api/json_text.h"
 #include "api/names.h"
 #include "api/request_codec.h"
@@ -16,7 +17,7 @@
 namespace kdray::server {
 namespace {
 
-enum class Image : std::uint8_t { kPng, kNpy };
+using api::ImageForm;
 
 /// Four floats a pixel, and what the encoder needs beside them; with a budget, what pixels have
 /// gathered so far.
@@ -38,14 +39,14 @@ std::string NumberText(double value) {
 }
 
 api::Outcome<HttpResponse> AnswerRender(const Services& services, Call& call,
-                                        const api::RenderRequest& request, Image image) {
+                                        const api::RenderRequest& request, ImageForm form) {
   const std::uint64_t per_pixel =
       kMemoryPerPixel + (request.budget_ms ? kMemoryPerRefinedPixel : 0);
   const auto memory = services.memory.Take(Pixels(request) * per_pixel);
   if (!memory) return memory.problem();
   const auto work = BeginWork(services, call, request.deadline_ms);
   if (!work) return work.problem();
-  auto answer = services.engine.Render(call.name, request, image == Image::kPng, work->cancel);
+  auto answer = services.engine.Render(call.name, request, form == ImageForm::kPng, work->cancel);
   if (!answer) return std::move(answer).problem();
   call.timing.trace_ms = answer->trace_ms;
 
@@ -57,7 +58,7 @@ api::Outcome<HttpResponse> AnswerRender(const Services& services, Call& call,
     response.body = api::EncodeImage(std::get<api::ImageArray>(answer->image));
   }
   call.timing.encode_ms = answer->encode_ms + encoding.ms();
-  response.headers.Add("Content-Type", image == Image::kPng ? "image/png" : "application/x-npy");
+  response.headers.Add("Content-Type", form == ImageForm::kPng ? "image/png" : "application/x-npy");
   response.headers.Add("Kdray-Precision", api::Name(answer->precision));
   response.headers.Add("Kdray-Samples", NumberText(answer->samples));
   if (answer->noise) response.headers.Add("Kdray-Noise", NumberText(*answer->noise));
@@ -70,14 +71,14 @@ bool IsCut(const HttpResponse& response) {
   return stopped && *stopped == api::Name(api::Stopped::kBudget);
 }
 
-api::Outcome<HttpResponse> Get(const Services& services, Call& call, Image image) {
-  const auto request = api::DecodeRenderQuery(call.request.query, services.limits);
+api::Outcome<HttpResponse> Get(const Services& services, Call& call, ImageForm form) {
+  const auto request = api::DecodeRenderQuery(call.request.query, form, services.limits);
   if (!request) return request.problem();
   if (auto problem = CheckTree(services, call.name)) return *std::move(problem);
-  const std::string etag = MakeEtag(image == Image::kPng ? "render.png" : "render.npy", call.name,
-                                    api::CanonicalQuery(*request));
+  const std::string etag = MakeEtag(form == ImageForm::kPng ? "render.png" : "render.npy",
+                                    call.name, api::CanonicalQuery(*request));
   if (ClientHas(call.request, etag)) return NotModified(services, etag, Caching::kHour);
-  auto response = AnswerRender(services, call, *request, image);
+  auto response = AnswerRender(services, call, *request, form);
   if (!response) return response;
   // The next one may come farther in its time.
   if (IsCut(*response)) {
@@ -89,34 +90,43 @@ api::Outcome<HttpResponse> Get(const Services& services, Call& call, Image image
   return response;
 }
 
-api::Outcome<HttpResponse> Post(const Services& services, Call& call, Image image) {
+/// The engine names a field; in a JSON body the field is a pointer.
+api::Problem WithPointer(api::Problem problem) {
+  if (problem.parameter && !problem.parameter->starts_with('/')) {
+    problem.parameter = api::PointerStep(*problem.parameter);
+  }
+  return problem;
+}
+
+api::Outcome<HttpResponse> Post(const Services& services, Call& call, ImageForm form) {
   if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
   if (auto problem = CheckTree(services, call.name)) return *std::move(problem);
   const auto body = ReadWholeBody(services, call, services.limits.max_json_body_bytes);
   if (!body) return body.problem();
   const Stopwatch parsing;
-  const auto request =
-      api::DecodeRenderBody(body->text, call.request.headers.Find("Content-Type"), services.limits);
+  const auto request = api::DecodeRenderBody(
+      body->text, form, call.request.headers.Find("Content-Type"), services.limits);
   if (!request) return request.problem();
   call.timing.parse_ms = parsing.ms();
-  auto response = AnswerRender(services, call, *request, image);
-  if (response) SetCaching(*response, services, Caching::kNever);
+  auto response = AnswerRender(services, call, *request, form);
+  if (!response) return WithPointer(std::move(response).problem());
+  SetCaching(*response, services, Caching::kNever);
   return response;
 }
 
 }  // namespace
 
 api::Outcome<HttpResponse> GetRenderPng(const Services& services, Call& call) {
-  return Get(services, call, Image::kPng);
+  return Get(services, call, ImageForm::kPng);
 }
 api::Outcome<HttpResponse> PostRenderPng(const Services& services, Call& call) {
-  return Post(services, call, Image::kPng);
+  return Post(services, call, ImageForm::kPng);
 }
 api::Outcome<HttpResponse> GetRenderNpy(const Services& services, Call& call) {
-  return Get(services, call, Image::kNpy);
+  return Get(services, call, ImageForm::kNpy);
 }
 api::Outcome<HttpResponse> PostRenderNpy(const Services& services, Call& call) {
-  return Post(services, call, Image::kNpy);
+  return Post(services, call, ImageForm::kNpy);
 }
 
 }  // namespace kdray::server

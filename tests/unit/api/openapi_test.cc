@@ -286,7 +286,7 @@ TEST(Examples, OfRequestsAreRead) {
   EXPECT_EQ(rays->size(), 4u);
   const auto render = DecodeRenderBody(
       Example("/components/requestBodies/Render/content/application~1json/examples/cells").dump(),
-      "application/json", Limits{});
+      ImageForm::kPng, "application/json", Limits{});
   ASSERT_TRUE(render) << render.problem().detail;
   EXPECT_EQ(render->cells_depth, 4);
   EXPECT_TRUE(render->transparent);
@@ -379,7 +379,7 @@ TEST(Examples, OfTheOtherAnswersAreWhatIsWritten) {
             Example("/paths/~1v1~1trees~1{id}~1cells/get" + kOkJson + "square"));
   const json problem =
       Example("/components/responses/Problem/content/application~1problem+json/examples/typo");
-  const auto refused = DecodeRenderQuery("samples=5000", Limits{});
+  const auto refused = DecodeRenderQuery("samples=5000", ImageForm::kPng, Limits{});
   ASSERT_FALSE(refused);
   EXPECT_EQ(json::parse(EncodeProblem(refused.problem(), problem["request_id"].get<std::string>())),
             problem);

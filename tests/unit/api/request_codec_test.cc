@@ -22,9 +22,11 @@ using testing::HasSubstr;
 const Limits kLimits;
 const std::string kSha256(64, 'a');
 
-Outcome<RenderRequest> Query(std::string_view query) { return DecodeRenderQuery(query, kLimits); }
+Outcome<RenderRequest> Query(std::string_view query) {
+  return DecodeRenderQuery(query, ImageForm::kPng, kLimits);
+}
 Outcome<RenderRequest> Body(std::string_view body) {
-  return DecodeRenderBody(body, "application/json", kLimits);
+  return DecodeRenderBody(body, ImageForm::kPng, "application/json", kLimits);
 }
 
 // ---- Every render field, as parameter and in JSON ----
@@ -113,7 +115,7 @@ const std::vector<FieldCase> kRenderCases = {
      {"\"float\""},
      kNotText},
     {"color",
-     "",
+     "0.93,0.88,0.81",
      {"0,0,0", "1,1,1", "0.5,0.25,0"},
      {"-0.1,0,0", "0,1.1,0", "red", "transparent"},
      {"[0,0,0]", "[1,1,1]"},
@@ -205,17 +207,20 @@ TEST(RenderFields, KeepTheirDefaultWhenLeftOut) {
 
 TEST(RenderFields, TakeEveryValueUpToTheirLimits) {
   for (const FieldCase& c : kRenderCases) {
-    // The image must be large enough for the region, and small enough for the limits.
+    // The image must be small enough for the limits, and the projection the one of the field.
     const std::string small = c.name == "width"    ? "&height=1&region=0,0,1,1"
                               : c.name == "height" ? "&width=1&region=0,0,1,1"
                                                    : "";
+    const bool ortho = c.name == "view_height";
     for (const std::string_view text : c.good_text) {
-      const auto request = Query(Named(c, text) + small);
+      const auto request =
+          Query(Named(c, text) + small + (ortho ? "&projection=orthographic" : ""));
       EXPECT_TRUE(request) << Named(c, text) << ": " << request.problem().detail;
     }
     for (const std::string_view json : c.good_json) {
       std::string body = JsonNamed(c, json);
       if (!small.empty()) body.insert(1, "\"region\":[0,0,1,1],");
+      if (ortho) body.insert(1, "\"projection\":\"orthographic\",");
       const auto request = Body(body);
       EXPECT_TRUE(request) << body << ": " << request.problem().detail;
     }
@@ -301,6 +306,97 @@ std::string AsJson(const FieldKind& kind, const std::string& text) {
   return list ? '[' + text + ']' : text;
 }
 
+// ---- Fields that belong to a projection, a mode or a form ----
+
+struct Belonging {
+  std::string_view field, text, default_text;               ///< default: empty where there is none
+  std::vector<std::string_view> projections, modes, forms;  ///< empty: all
+};
+
+const std::vector<std::string_view> kSampledModes = {"shaded", "normal"};
+const std::vector<Belonging> kBelongings = {
+    {"fov_deg", "50", "40", {"perspective"}, {}, {}},
+    {"view_height", "2", "", {"orthographic"}, {}, {}},
+    {"samples", "4", "1", {}, kSampledModes, {}},
+    {"seed", "3", "0", {}, kSampledModes, {}},
+    {"max_samples", "64", "1024", {}, kSampledModes, {}},
+    {"max_noise", "0.1", "", {}, kSampledModes, {}},
+    {"budget_ms", "50", "", {}, kSampledModes, {}},
+    {"color", "1,0,0", "0.93,0.88,0.81", {}, {"shaded"}, {}},
+    {"background", "transparent", "", {}, {}, {"render.png"}},
+    {"background", "0.5,0.5,0.5", "", {}, {}, {"render.png"}},
+};
+
+bool Holds(const std::vector<std::string_view>& names, std::string_view name) {
+  return names.empty() || std::find(names.begin(), names.end(), name) != names.end();
+}
+
+bool IsUsed(std::string_view field, const RenderRequest& request) {
+  return std::all_of(kBelongings.begin(), kBelongings.end(), [&](const Belonging& b) {
+    return b.field != field ||
+           (Holds(b.projections, Name(request.projection)) && Holds(b.modes, Name(request.mode)));
+  });
+}
+
+TEST(UnusedFields, AreRefusedByNameUnlessTheyHaveTheirDefault) {
+  for (const std::string_view projection : kProjectionNames) {
+    for (const std::string_view mode : kRenderModeNames) {
+      const std::string kind =
+          "projection=" + std::string(projection) + "&mode=" + std::string(mode);
+      const std::string json = "{\"projection\":\"" + std::string(projection) + "\",\"mode\":\"" +
+                               std::string(mode) + "\",";
+      for (const auto& [form, form_name] :
+           {std::pair(ImageForm::kPng, "render.png"), {ImageForm::kNpy, "render.npy"}}) {
+        for (const Belonging& b : kBelongings) {
+          const std::string name(b.field), text(b.text);
+          const auto query = [&](std::string_view value) {
+            return DecodeRenderQuery(kind + "&" + name + "=" + std::string(value), form, kLimits);
+          };
+          const bool is_list = text.find(',') != std::string::npos;
+          const std::string value = is_list                 ? "[" + text + "]"
+                                    : text == "transparent" ? "\"transparent\""
+                                                            : text;
+          const auto body = DecodeRenderBody(json + "\"" + name + "\":" + value + "}", form,
+                                             std::nullopt, kLimits);
+          const bool is_used =
+              Holds(b.projections, projection) && Holds(b.modes, mode) && Holds(b.forms, form_name);
+          SCOPED_TRACE(kind + " " + form_name + " " + name + "=" + text);
+          ASSERT_EQ(query(text).ok(), is_used);
+          ASSERT_EQ(body.ok(), is_used);
+          ASSERT_TRUE(b.default_text.empty() || query(b.default_text));
+          if (is_used) continue;
+          EXPECT_EQ(query(text).problem().code, ErrorCode::kInvalidParameter);
+          EXPECT_EQ(query(text).problem().parameter, name);
+          EXPECT_EQ(body.problem().code, ErrorCode::kInvalidParameter);
+          EXPECT_EQ(body.problem().parameter, "/" + name);
+          for (const auto* owners : {&b.projections, &b.modes, &b.forms}) {
+            for (const std::string_view owner : *owners) {
+              EXPECT_THAT(query(text).problem().detail, HasSubstr(owner));
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(UnusedFields, MayHoldTheBackgroundThatTheModeHas) {
+  for (const std::string mode : {"shaded", "normal", "depth", "triangle"}) {
+    const bool white = mode == "shaded";
+    const auto npy = [&](const char* background) {
+      return DecodeRenderQuery("mode=" + mode + "&background=" + background, ImageForm::kNpy,
+                               kLimits);
+    };
+    EXPECT_EQ(npy("1,1,1").ok(), white) << mode;
+    EXPECT_EQ(npy("0,0,0").ok(), !white) << mode;
+  }
+}
+
+TEST(UnusedFields, AreKnownFieldsEachOfThem) {
+  const FieldTable<RenderRequest> table = RenderFields(kLimits);
+  for (const Belonging& b : kBelongings) EXPECT_NE(FindField(table, b.field), nullptr) << b.field;
+}
+
 TEST(RenderRequests, MeanTheSameAsParametersInAnyOrderAndInJson) {
   auto random = test::RandomEngine(1101);
   const FieldTable<RenderRequest> table = RenderFields(kLimits);
@@ -309,7 +405,7 @@ TEST(RenderRequests, MeanTheSameAsParametersInAnyOrderAndInJson) {
     std::vector<std::string> pieces;
     std::string json = "{";
     for (const Field<RenderRequest>& field : table.fields) {
-      if (random() % 2) continue;
+      if (random() % 2 || !IsUsed(field.name, request)) continue;
       // Refused together with samples.
       const bool decides = field.name == "budget_ms" || field.name == "max_noise";
       if (decides && request.samples > 1) continue;
@@ -396,7 +492,7 @@ TEST(RenderRequests, BoundTheImageThatIsRendered) {
   limits.max_pixels = 1000;
   limits.max_image_side = 100;
   const auto code = [&](std::string_view query) {
-    const auto request = DecodeRenderQuery(query, limits);
+    const auto request = DecodeRenderQuery(query, ImageForm::kPng, limits);
     return request ? "ok" : std::string(RowOf(request.problem().code).name);
   };
   EXPECT_EQ(code("width=100&height=10"), "ok");
@@ -405,7 +501,9 @@ TEST(RenderRequests, BoundTheImageThatIsRendered) {
   EXPECT_EQ(code("width=50&height=21"), "image_too_large");
   EXPECT_EQ(code("width=1000000&height=1000000&region=999900,0,1000000,10"), "ok");
   EXPECT_EQ(code("width=1000000&height=1000000&region=999899,0,1000000,1"), "image_too_large");
-  const auto pixels = DecodeRenderQuery("width=50&height=21", limits);
+  EXPECT_EQ(code("width=1048576&height=1048576&region=0,0,100,10"), "ok");
+  EXPECT_EQ(code("width=1048577&height=1&region=0,0,1,1"), "invalid_parameter");
+  const auto pixels = DecodeRenderQuery("width=50&height=21", ImageForm::kPng, limits);
   EXPECT_EQ(pixels.problem().limit, 1000);
   EXPECT_EQ(pixels.problem().actual, 1050);
 }
@@ -419,11 +517,12 @@ TEST(RenderRequests, LetTheBackgroundBeAColourOrTransparent) {
 }
 
 TEST(RenderBodies, AreJsonObjectsAndNothingElse) {
-  EXPECT_TRUE(DecodeRenderBody("{}", std::nullopt, kLimits));
-  EXPECT_TRUE(DecodeRenderBody(" {} \n", "application/x-www-form-urlencoded", kLimits));
-  EXPECT_EQ(DecodeRenderBody("{}", "text/plain", kLimits).problem().code,
+  EXPECT_TRUE(DecodeRenderBody("{}", ImageForm::kPng, std::nullopt, kLimits));
+  EXPECT_TRUE(
+      DecodeRenderBody(" {} \n", ImageForm::kPng, "application/x-www-form-urlencoded", kLimits));
+  EXPECT_EQ(DecodeRenderBody("{}", ImageForm::kPng, "text/plain", kLimits).problem().code,
             ErrorCode::kUnsupportedMediaType);
-  EXPECT_EQ(DecodeRenderBody("{}", "application/x-npy", kLimits).problem().code,
+  EXPECT_EQ(DecodeRenderBody("{}", ImageForm::kPng, "application/x-npy", kLimits).problem().code,
             ErrorCode::kUnsupportedMediaType);
   for (const char* body : {"", " ", "[]", "null", "7", "\"x\"", "{", "{}{}", "{}x", "{\"width\":}",
                            "{\"width\":1,}", "width=1"}) {
@@ -433,8 +532,8 @@ TEST(RenderBodies, AreJsonObjectsAndNothingElse) {
   }
   Limits limits;
   limits.max_json_body_bytes = 10;
-  EXPECT_TRUE(DecodeRenderBody("{        }", std::nullopt, limits));
-  const auto request = DecodeRenderBody("{         }", std::nullopt, limits);
+  EXPECT_TRUE(DecodeRenderBody("{        }", ImageForm::kPng, std::nullopt, limits));
+  const auto request = DecodeRenderBody("{         }", ImageForm::kPng, std::nullopt, limits);
   ASSERT_FALSE(request);
   EXPECT_EQ(request.problem().code, ErrorCode::kBodyTooLarge);
   EXPECT_EQ(request.problem().limit, 10);
