@@ -242,7 +242,7 @@ struct RenderRequest {
   std::int64_t width = 640, height = 480;
   Projection projection = Projection::kPerspective;
   std::optional<Vec3> eye, target;
-  Vec3 up = {0, 1, 0};
+  std::optional<Vec3> up;  ///< left out: 0,1,0, unless the view is along it
   double fov_deg = 40;
   std::optional<double> view_height;
   RenderMode mode = RenderMode::kShaded;

@@ -263,7 +263,7 @@ core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision preci
                                : core::Projection::kPerspective;
   if (request.eye) spec.camera.eye = ToVec(*request.eye);
   if (request.target) spec.camera.target = ToVec(*request.target);
-  spec.camera.up = ToVec(request.up);
+  if (request.up) spec.camera.up = ToVec(*request.up);
   if (request.projection == api::Projection::kPerspective) {
     spec.camera.fov_deg = request.fov_deg;
   }

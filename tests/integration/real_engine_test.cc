@@ -242,6 +242,46 @@ TEST_F(RealEngine, RendersWhatIsThere) {
   EXPECT_GT(cells.at("cells").size(), 1U);
 }
 
+TEST_F(RealEngine, LooksStraightDownAndUpWhenUpIsLeftOut) {
+  // Nothing about it is symmetric, so that a turned or mirrored picture is another one.
+  const std::string id = running_->Upload("v 0 0 0\nv 1 0.1 0\nv 0.2 0 0.7\nf 1 2 3\n");
+  const std::string png = "/v1/trees/" + id + "/render.png";
+  struct View {
+    const char *eye, *target, *up;
+  };
+  for (const View& view :
+       {View{"0.3,5,0.2", "0.3,0,0.2", "0,0,-1"}, View{"0.3,-5,0.2", "0.3,0,0.2", "0,0,1"},
+        // The target is left out too: the middle of the bounds.
+        View{"0.5,2,0.35", "", "0,0,-1"}, View{"0.5,-2,0.35", "", "0,0,1"}}) {
+    for (const std::string projection : {"perspective", "orthographic"}) {
+      std::string query = "?width=64&height=48&projection=" + projection + "&eye=" + view.eye;
+      json body = {{"width", 64}, {"height", 48}, {"projection", projection}};
+      body["eye"] = json::parse("[" + std::string(view.eye) + "]");
+      if (*view.target != '\0') {
+        query += "&target=" + std::string(view.target);
+        body["target"] = json::parse("[" + std::string(view.target) + "]");
+      }
+      const RawAnswer left_out = running_->Ask("GET", png + query);
+      ASSERT_EQ(left_out.status, 200) << query << "\n" << left_out.body;
+      EXPECT_EQ(left_out.body, running_->Ask("GET", png + query + "&up=" + view.up).body) << query;
+      EXPECT_EQ(left_out.body, running_->Ask("POST", png, body.dump()).body) << body;
+      const RawAnswer depth =
+          running_->Ask("GET", "/v1/trees/" + id + "/render.npy" + query + "&mode=depth");
+      EXPECT_EQ(depth.status, 200) << depth.body;
+
+      // A view along an `up` that was given is refused by its name, and 0,1,0 is given here.
+      for (const std::string up : {"0,1,0", "0,-2,0"}) {
+        const RawAnswer refused = running_->Ask("GET", png + query + "&up=" + up);
+        EXPECT_EQ(refused.status, 400) << query << up;
+        EXPECT_EQ(Json(refused).at("parameter"), "up");
+        body["up"] = json::parse("[" + up + "]");
+        EXPECT_EQ(Json(running_->Ask("POST", png, body.dump())).at("parameter"), "/up");
+        body.erase("up");
+      }
+    }
+  }
+}
+
 TEST_F(RealEngine, RefusesACameraThatCannotBe) {
   const std::string id = running_->Upload(test::ObjText(test::Cube({0, 0, 0}, 1)));
   EXPECT_EQ(running_->Code("GET", "/v1/trees/" + id + "/render.png?eye=0,0,0&target=0,0,0"),

@@ -78,7 +78,7 @@ const std::vector<FieldCase> kRenderCases = {
      {},
      kNotAVector},
     {"target", "", {"1,2,3"}, {"1,2"}, {"[1,2,3]"}, {}, kNotAVector},
-    {"up", "0,1,0", {"0,0,1"}, {"0,0"}, {"[0,0,1]"}, {}, kNotAVector},
+    {"up", "", {"0,0,1", "0,1,0"}, {"0,0"}, {"[0,0,1]"}, {}, kNotAVector},
     {"fov_deg",
      "40",
      {"0.001", "179.999", "4e1"},

@@ -3,10 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
+#include "api/names.h"
 #include "server/plan.h"
+#include "tests/support/scenes.h"
+#include "tests/support/shapes.h"
 
 namespace kdray::server {
 namespace {
@@ -210,7 +214,7 @@ TEST(Mapping, ARenderRequestKeepsItsFields) {
   request.width = 12;
   request.height = 34;
   request.eye = api::Vec3{1, 2, 3};
-  request.up = {0, 0, 1};
+  request.up = api::Vec3{0, 0, 1};
   request.fov_deg = 50;
   request.mode = api::RenderMode::kDepth;
   request.samples = 4;
@@ -243,6 +247,62 @@ TEST(Mapping, ARenderRequestKeepsItsFields) {
   EXPECT_EQ(spec.camera.projection, core::Projection::kOrthographic);
   EXPECT_EQ(spec.camera.fov_deg, std::nullopt) << "has a default, but belongs to perspective";
   EXPECT_EQ(spec.camera.view_height, 7);
+}
+
+TEST(Mapping, TheDefaultsOfTheContractAreThoseOfCore) {
+  const core::RenderSpec spec = ToCore(api::RenderRequest{}, core::Precision::kWatertight);
+  const core::RenderSpec core_spec;
+  EXPECT_EQ(spec.width, core_spec.width);
+  EXPECT_EQ(spec.height, core_spec.height);
+  EXPECT_EQ(spec.samples, core_spec.samples);
+  EXPECT_EQ(spec.max_samples, core_spec.max_samples);
+  EXPECT_EQ(spec.color, core_spec.color);
+  EXPECT_EQ(spec.seed, core_spec.seed);
+  EXPECT_EQ(spec.mode, core_spec.mode);
+  EXPECT_EQ(spec.camera.projection, core_spec.camera.projection);
+  EXPECT_EQ(spec.camera.fov_deg, core::kDefaultFovDeg);
+  EXPECT_FALSE(spec.background);
+
+  const core::Scene scene = test::MakeScene(test::Cube({0, 0, 0}, 1));
+  for (std::size_t mode = 0; mode < api::kRenderModeNames.size(); ++mode) {
+    api::RenderRequest request;
+    request.width = request.height = 4;
+    request.mode = static_cast<api::RenderMode>(mode);
+    const auto image = core::Render(scene, ToCore(request, core::Precision::kWatertight));
+    ASSERT_TRUE(image.ok());
+    const api::Vec3 background = api::DefaultBackground(request.mode);
+    EXPECT_EQ(image->background.color.r, static_cast<float>(background[0]));
+    EXPECT_EQ(image->background.color.g, static_cast<float>(background[1]));
+    EXPECT_EQ(image->background.color.b, static_cast<float>(background[2]));
+    EXPECT_FALSE(image->background.transparent);
+  }
+}
+
+TEST(Mapping, TheContractNamesTheFormatsThatAreRead) {
+  std::vector<std::string_view> names;
+  for (const core::MeshFormat format : {core::MeshFormat::kObj, core::MeshFormat::kPly,
+                                        core::MeshFormat::kStl, core::MeshFormat::kOff}) {
+    names.push_back(core::Name(format));
+  }
+  EXPECT_TRUE(std::equal(names.begin(), names.end(), api::kMeshFormatNames.begin(),
+                         api::kMeshFormatNames.end()));
+}
+
+TEST(Mapping, TheContractNamesEveryBuildAndPrecision) {
+  // `auto` stands before them.
+  EXPECT_EQ(api::kBuildNames.size(), core::kAllBuildKinds.size() + 1);
+  EXPECT_EQ(api::kPrecisionNames.size(), core::kAllPrecisions.size() + 1);
+  for (const core::BuildKind kind : core::kAllBuildKinds) {
+    EXPECT_EQ(api::Name(ToApi(kind)), core::Name(kind));
+  }
+}
+
+TEST(Mapping, ACameraValueThatIsLeftOutStaysLeftOut) {
+  const core::RenderSpec spec = ToCore(api::RenderRequest{}, core::Precision::kWatertight);
+  EXPECT_EQ(spec.camera.eye, std::nullopt);
+  EXPECT_EQ(spec.camera.target, std::nullopt);
+  EXPECT_EQ(spec.camera.up, std::nullopt);
+  EXPECT_EQ(spec.camera.view_height, std::nullopt);
 }
 
 }  // namespace
