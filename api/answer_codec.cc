@@ -126,6 +126,7 @@ std::string EncodeCapabilities(std::string_view version, const Limits& limits) {
                  {"max_pixels", limits.max_pixels},
                  {"max_image_side", limits.max_image_side},
                  {"max_cells", limits.max_cells},
+                 {"max_picture_cells", limits.max_picture_cells},
                  {"max_samples", limits.max_samples},
                  {"max_deadline_ms", limits.max_deadline_ms},
                  {"max_wait_ms", limits.max_wait_ms},

@@ -18,8 +18,14 @@ Outcome<RayOptions> CheckedRayOptions(Outcome<RayOptions> options) {
   return options;
 }
 
-Problem ImageTooLarge(std::string detail, std::uint64_t limit, std::int64_t actual) {
-  Problem problem{ErrorCode::kImageTooLarge, std::move(detail)};
+/// `has` is what is too large, "a side of"; `limit_name` and `limit` what is allowed.
+Problem ImageTooLarge(bool is_region, const std::string& has, std::int64_t actual,
+                      const std::string& limit_name, std::uint64_t limit) {
+  Problem problem{ErrorCode::kImageTooLarge,
+                  (is_region ? "the region has " : "the image has ") + has + "; " + limit_name +
+                      " is " + std::to_string(limit) +
+                      (is_region ? "; ask for smaller regions"
+                                 : "; ask for regions of it, one by one, with `region`")};
   problem.limit = static_cast<double>(limit);
   problem.actual = static_cast<double>(actual);
   return problem;
@@ -48,17 +54,14 @@ Outcome<RenderRequest> CheckedRender(Outcome<RenderRequest> request, ImageForm f
   }
   const std::int64_t width = part.x1 - part.x0, height = part.y1 - part.y0;
   const std::int64_t side = std::max(width, height), pixels = width * height;
+  const bool is_region = request->region.has_value();
   if (static_cast<std::uint64_t>(side) > limits.max_image_side) {
-    return ImageTooLarge("the image has a side of " + std::to_string(side) +
-                             " pixels; max_image_side is " + std::to_string(limits.max_image_side) +
-                             ", regions of it can be rendered one by one",
-                         limits.max_image_side, side);
+    return ImageTooLarge(is_region, "a side of " + std::to_string(side) + " pixels", side,
+                         "max_image_side", limits.max_image_side);
   }
   if (static_cast<std::uint64_t>(pixels) > limits.max_pixels) {
-    return ImageTooLarge("the image has " + std::to_string(pixels) + " pixels; max_pixels is " +
-                             std::to_string(limits.max_pixels) +
-                             ", regions of it can be rendered one by one",
-                         limits.max_pixels, pixels);
+    return ImageTooLarge(is_region, std::to_string(pixels) + " pixels", pixels, "max_pixels",
+                         limits.max_pixels);
   }
   return request;
 }

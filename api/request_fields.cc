@@ -11,9 +11,6 @@
 namespace kdray::api {
 namespace {
 
-constexpr std::int64_t kMaxDepth = 255;  // no tree is deeper
-constexpr std::int64_t kMaxPage = 1000;
-
 /// Modes of the contract that this version does not have.
 constexpr std::array<std::string_view, 2> kLaterModes = {"ambient-occlusion", "cost"};
 

@@ -8,9 +8,6 @@
 
 namespace kdray::api {
 
-/// The longest side of a whole image. What one answer renders of it is bounded by the limits.
-inline constexpr std::int64_t kMaxWholeSide = 1 << 20;
-
 FieldTable<UploadRequest> UploadFields(const Limits& limits);
 FieldTable<ListRequest> ListFields();
 FieldTable<DescribeRequest> DescribeFields(const Limits& limits);

@@ -42,6 +42,14 @@ std::chrono::milliseconds TimeToTrace(const CancelToken& cancel) {
   return std::max(left * 4 / 5, std::chrono::milliseconds(1));
 }
 
+api::Problem TooManyCells(std::string_view parameter, std::int64_t depth, std::uint64_t limit) {
+  return {.code = api::ErrorCode::kTooManyCells,
+          .detail = "at depth " + std::to_string(depth) + " there are more than " +
+                    std::to_string(limit) + " cells",
+          .parameter = std::string(parameter),
+          .limit = static_cast<double>(limit)};
+}
+
 api::Problem NotMeasured() {
   return {.code = api::ErrorCode::kNotMeasured,
           .detail = "nothing has been measured for this tree; POST begins it"};
@@ -198,12 +206,13 @@ class RealEngine final : public CoreEngine {
 
   api::Outcome<api::RenderAnswer> Render(std::string_view id, const api::RenderRequest& request,
                                          bool png, const CancelToken& cancel) override {
-    return Query<api::RenderAnswer>(
+    auto rendered = Query<api::RenderAnswer>(
         id, request.precision, cancel,
         [&](const core::Scene& scene, const core::TraceOptions& trace,
             api::RenderAnswer* answer) -> core::Status {
           const auto start = SteadyClock::now();
           core::RenderSpec spec = ToCore(request, trace.precision);
+          spec.max_cells = static_cast<std::size_t>(limits_.max_picture_cells);
           if (spec.budget) spec.budget = std::min(*spec.budget, TimeToTrace(cancel));
           core::Result<core::RenderedImage> image = core::Render(scene, spec, cancel);
           if (!image.ok()) return std::move(image).error();
@@ -224,6 +233,11 @@ class RealEngine final : public CoreEngine {
           answer->encode_ms = MillisecondsSince(encode_start);
           return {};
         });
+    // Depths are checked before: only their number of cells can be wrong.
+    if (!rendered && rendered.problem().parameter == "cells_depth") {
+      return TooManyCells("cells_depth", *request.cells_depth, limits_.max_picture_cells);
+    }
+    return rendered;
   }
 
   api::Outcome<std::vector<api::Cell>> Cells(std::string_view id, std::uint32_t depth,
@@ -232,13 +246,7 @@ class RealEngine final : public CoreEngine {
     if (!scene.ok()) return scene.problem();
     const auto cells = scene->Cells(depth, static_cast<std::size_t>(limits_.max_cells));
     if (!cells.ok() && cells.error().code == core::ErrorCode::kInvalidArgument) {
-      api::Problem problem;
-      problem.code = api::ErrorCode::kTooManyCells;
-      problem.detail = "at depth " + std::to_string(depth) + " there are more than " +
-                       std::to_string(limits_.max_cells) + " cells";
-      problem.parameter = "depth";
-      problem.limit = static_cast<double>(limits_.max_cells);
-      return problem;
+      return TooManyCells("depth", depth, limits_.max_cells);
     }
     if (!cells.ok()) return ToProblem(cells.error());
     std::vector<api::Cell> answer;

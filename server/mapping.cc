@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "api/limits.h"
 #include "server/plan.h"
 
 namespace kdray::server {
@@ -15,6 +16,11 @@ namespace {
 // When to ask again for memory: a build of the size that fills it takes some seconds.
 constexpr int kRetryMemorySeconds = 5;
 constexpr int kRetryDrainingSeconds = 5;
+
+// The contract promises no image that core refuses.
+static_assert(api::kMaxWholeSide == core::RenderSpec::kMaxWholeSide);
+static_assert(api::Limits{}.max_image_side == core::RenderSpec::kMaxSide);
+static_assert(api::Limits{}.max_samples <= core::RenderSpec::kMaxSamples);
 
 api::Vec3 ToVec(const core::Vec3d& v) { return {v.x, v.y, v.z}; }
 core::Vec3d ToVec(const api::Vec3& v) { return {v[0], v[1], v[2]}; }

@@ -7,6 +7,7 @@
 #include <mutex>
 #include <span>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -33,15 +34,37 @@ bool InUnitRange(const Rgb& c) {
   return in_range(c.r) && in_range(c.g) && in_range(c.b);
 }
 
-Status Check(const RenderSpec& spec) {
-  const auto side_is_valid = [](int side) { return side >= 1 && side <= RenderSpec::kMaxSide; };
-  if (!side_is_valid(spec.width)) return Invalid("width: must be 1 to 16384");
-  if (!side_is_valid(spec.height)) return Invalid("height: must be 1 to 16384");
-  if (spec.samples < 1 || spec.samples > RenderSpec::kMaxSamples) {
-    return Invalid("samples: must be 1 to 65536");
+Region RegionOf(const RenderSpec& spec) {
+  return spec.region.value_or(Region{0, 0, spec.width, spec.height});
+}
+
+Status CheckRange(const char* name, int value, int max) {
+  if (value >= 1 && value <= max) return {};
+  return Invalid(std::string(name) + ": must be 1 to " + std::to_string(max) + ", not " +
+                 std::to_string(value));
+}
+
+Status CheckRegion(const RenderSpec& spec) {
+  const Region r = RegionOf(spec);
+  if (!(0 <= r.x0 && r.x0 < r.x1 && r.x1 <= spec.width && 0 <= r.y0 && r.y0 < r.y1 &&
+        r.y1 <= spec.height)) {
+    return Invalid("region: must be x0,y0,x1,y1 with x0 < x1 and y0 < y1 within the image");
   }
-  if (spec.max_samples < 1 || spec.max_samples > RenderSpec::kMaxSamples) {
-    return Invalid("max_samples: must be 1 to 65536");
+  if (std::max(r.width(), r.height()) > RenderSpec::kMaxSide) {
+    return Invalid("region: must be at most " + std::to_string(RenderSpec::kMaxSide) +
+                   " pixels a side, not " + std::to_string(r.width()) + " x " +
+                   std::to_string(r.height()));
+  }
+  return {};
+}
+
+Status Check(const RenderSpec& spec) {
+  for (const auto& [name, value, max] :
+       {std::tuple("width", spec.width, RenderSpec::kMaxWholeSide),
+        std::tuple("height", spec.height, RenderSpec::kMaxWholeSide),
+        std::tuple("samples", spec.samples, RenderSpec::kMaxSamples),
+        std::tuple("max_samples", spec.max_samples, RenderSpec::kMaxSamples)}) {
+    if (Status status = CheckRange(name, value, max); !status.ok()) return status;
   }
   if (spec.max_noise && !(*spec.max_noise > 0 && std::isfinite(*spec.max_noise))) {
     return Invalid("max_noise: must be greater than 0");
@@ -51,14 +74,7 @@ Status Check(const RenderSpec& spec) {
   if (spec.background && !InUnitRange(spec.background->color)) {
     return Invalid("background: each part must be 0 to 1");
   }
-  if (spec.region) {
-    const Region& r = *spec.region;
-    if (!(0 <= r.x0 && r.x0 < r.x1 && r.x1 <= spec.width && 0 <= r.y0 && r.y0 < r.y1 &&
-          r.y1 <= spec.height)) {
-      return Invalid("region: must be x0,y0,x1,y1 with x0 < x1 and y0 < y1 within the image");
-    }
-  }
-  return {};
+  return CheckRegion(spec);
 }
 
 void MakeFilms(const Region& region, bool with_lines, RenderedImage* image) {
@@ -260,13 +276,13 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
   const Background default_background = {.color = spec.mode == RenderMode::kShaded ? Rgb{1, 1, 1}
                                                                                    : Rgb{0, 0, 0}};
   image.background = spec.background.value_or(default_background);
-  const Region region = spec.region.value_or(Region{0, 0, spec.width, spec.height});
+  const Region region = RegionOf(spec);
   MakeFilms(region, spec.cells_depth.has_value(), &image);
 
   const SamplingRule rule = RuleOf(spec);
   TileRenderer renderer(scene, spec, rule, cancel, &image);
   if (spec.cells_depth) {
-    Result<std::vector<TreeCell>> cells = scene.Cells(*spec.cells_depth, RenderSpec::kMaxCells);
+    Result<std::vector<TreeCell>> cells = scene.Cells(*spec.cells_depth, spec.max_cells);
     if (!cells.ok()) {
       Error error = std::move(cells).error();
       if (error.code == ErrorCode::kInvalidArgument) {

@@ -35,11 +35,10 @@ struct Background {
 };
 
 struct RenderSpec {
-  static constexpr int kMaxSide = 16384;
+  static constexpr int kMaxWholeSide = 1 << 20;  ///< of the image that the camera sees
+  static constexpr int kMaxSide = 16384;         ///< of what is rendered of it
   static constexpr int kMaxSamples = 65536;
-  static constexpr std::size_t kMaxCells = 16384;
-
-  int width = 640, height = 480;  ///< pixels, each 1..kMaxSide
+  int width = 640, height = 480;  ///< pixels of the whole image, each 1..kMaxWholeSide
   CameraSpec camera = {};
   RenderMode mode = RenderMode::kShaded;
   int samples = 1;  ///< per pixel, 1..kMaxSamples; 1 is the pixel's centre. kDepth and kTriangle
@@ -48,10 +47,11 @@ struct RenderSpec {
   Rgb color = {0.93f, 0.88f, 0.81f};                    ///< of the mesh, sRGB, each 0..1
   std::optional<Background> background = std::nullopt;  ///< left out: white for kShaded, else black
   std::optional<std::uint32_t> cells_depth =
-      std::nullopt;  ///< draw the tree's nodes at this depth and the leaves
-                     ///< above it as lines; at most kMaxCells of them
-  std::optional<Region> region =
-      std::nullopt;        ///< part of the image to render; left out: all of it
+      std::nullopt;               ///< draw the tree's nodes at this depth and the leaves above it
+                                  ///< as lines; at most max_cells of them
+  std::size_t max_cells = 16384;  ///< more are refused: kInvalidArgument, `cells_depth`
+  std::optional<Region> region = std::nullopt;  ///< part of the image to render; left out: all of
+                                                ///< it. At most kMaxSide a side
   std::uint64_t seed = 0;  ///< of the sample positions
 
   // With one of these, the pixels of kShaded and kNormal decide how many samples they take, up to

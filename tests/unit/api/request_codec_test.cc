@@ -508,6 +508,21 @@ TEST(RenderRequests, BoundTheImageThatIsRendered) {
   EXPECT_EQ(pixels.problem().actual, 1050);
 }
 
+TEST(RenderRequests, AdviseRegionsThatAreTaken) {
+  Limits limits;
+  limits.max_pixels = 1000;
+  limits.max_image_side = 100;
+  const auto detail = [&](const std::string& query) {
+    const auto request = DecodeRenderQuery(query, ImageForm::kPng, limits);
+    return request ? std::string("taken") : request.problem().detail;
+  };
+  for (const std::string image : {"width=101&height=1", "width=50&height=21"}) {
+    EXPECT_THAT(detail(image), HasSubstr("ask for regions of it")) << image;
+    EXPECT_EQ(detail(image + "&region=0,0,40,1"), "taken");
+  }
+  EXPECT_THAT(detail("width=300&height=300&region=0,0,101,1"), HasSubstr("smaller regions"));
+}
+
 TEST(RenderRequests, LetTheBackgroundBeAColourOrTransparent) {
   EXPECT_FALSE(Query("")->transparent);
   EXPECT_TRUE(Query("background=transparent")->transparent);

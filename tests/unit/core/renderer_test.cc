@@ -14,6 +14,7 @@
 
 #include "core/base/parallel.h"
 #include "core/render/shading.h"
+#include "tests/support/allocation_count.h"
 #include "tests/support/scenes.h"
 #include "tests/support/shapes.h"
 
@@ -216,6 +217,56 @@ TEST(Renderer, RegionsPutTogetherEqualTheWhole) {
   }
 }
 
+// An image that is rendered in one piece, and one whose regions alone can be. Of both, the pixels
+// of a region are those of any other region that has them too.
+TEST(Renderer, GivesTheSamePixelsInEveryRegionOfALargeImage) {
+  const Scene scene = MakeScene(test::BumpySphere({0, 0, 0}, 1, 200, 300, 0.3));
+  for (RenderSpec spec : DemandingSpecs()) {
+    spec.width = 16384;
+    spec.height = 8;
+    spec.region.reset();
+    const RenderedImage strip = RenderOk(scene, spec);
+    spec.region = Region{8100, 2, 8300, 7};
+    RenderedImage part = RenderOk(scene, spec);
+    if (spec.mode == RenderMode::kTriangle) {
+      ExpectPart(Ids(strip), Ids(part));
+    } else {
+      ExpectPart(Floats(strip), Floats(part));
+    }
+
+    spec.width = spec.height = RenderSpec::kMaxWholeSide;
+    const int middle = spec.height / 2;
+    spec.region = Region{middle - 8192, middle, middle + 8192, middle + 1};
+    const RenderedImage row = RenderOk(scene, spec);
+    spec.region = Region{middle - 50, middle - 1, middle + 50, middle + 2};
+    part = RenderOk(scene, spec);
+    spec.region = Region{middle - 50, middle, middle + 50, middle + 1};
+    const RenderedImage smaller = RenderOk(scene, spec);
+    if (spec.mode == RenderMode::kTriangle) {
+      ExpectPart(Ids(row), Ids(smaller));
+      ExpectPart(Ids(part), Ids(smaller));
+    } else {
+      ExpectPart(Floats(row), Floats(smaller));
+      ExpectPart(Floats(part), Floats(smaller));
+    }
+    if (smaller.lines) ExpectPart(*row.lines, *smaller.lines);
+  }
+}
+
+TEST(Renderer, HoldsMemoryForTheRegionAloneOfALargeImage) {
+  const Scene scene = MakeScene(test::BumpySphere({0, 0, 0}, 1, 20, 30, 0.3));
+  const auto peak_of = [&](int side) {
+    const test::AllocationPeak peak;
+    const int middle = side / 2;
+    RenderOk(scene, {.width = side,
+                     .height = side,
+                     .region = Region{middle - 100, middle - 100, middle + 100, middle + 100}});
+    return peak.bytes();
+  };
+  peak_of(200);  // What is made once.
+  EXPECT_LE(peak_of(RenderSpec::kMaxWholeSide), peak_of(200) + (1 << 20));
+}
+
 TEST(Renderer, GivesTheSameBytesForAnyNumberOfThreads) {
   const Scene scene = MakeScene(test::BumpySphere({0, 0, 0}, 1, 20, 30, 0.3));
   for (const RenderSpec& spec : DemandingSpecs()) {
@@ -374,9 +425,12 @@ TEST(Renderer, RefusesWhatItCannotRender) {
   };
   std::vector<Case> cases = {
       {{.width = 0}, "width: "},
-      {{.width = 16385}, "width: "},
+      {{.width = 1048577, .region = Region{0, 0, 1, 1}}, "width: "},
       {{.height = 0}, "height: "},
-      {{.height = 16385}, "height: "},
+      {{.height = 1048577, .region = Region{0, 0, 1, 1}}, "height: "},
+      {{.width = 16385, .height = 1}, "region: "},
+      {{.width = 1, .height = 16385}, "region: "},
+      {{.width = 1048576, .height = 1, .region = Region{5, 0, 16390, 1}}, "region: "},
       {{.samples = 0}, "samples: "},
       {{.samples = 65537}, "samples: "},
       {{.color = {0, 1.5f, 0}}, "color: "},
@@ -400,7 +454,11 @@ TEST(Renderer, RefusesWhatItCannotRender) {
 TEST(Renderer, TakesTheLargestAndSmallestOfEveryLimit) {
   const Scene scene = MakeScene(test::Cube({0, 0, 0}, 1));
   const Region corner = {0, 0, 1, 1};
-  EXPECT_TRUE(Render(scene, {.width = 16384, .height = 16384, .region = corner}).ok());
+  EXPECT_TRUE(Render(scene, {.width = 1048576, .height = 1048576, .region = corner}).ok());
+  EXPECT_TRUE(Render(scene, {.width = 16384, .height = 1}).ok());
+  EXPECT_TRUE(
+      Render(scene, {.width = 1, .height = 1048576, .region = Region{0, 1032192, 1, 1048576}})
+          .ok());
   EXPECT_TRUE(Render(scene, {.width = 1, .height = 1}).ok());
   EXPECT_TRUE(Render(scene, {.samples = 65536, .region = corner}).ok());
 }

@@ -387,6 +387,22 @@ TEST_F(CoreEngineTest, CellsAreInWorldUnitsAndLimited) {
   EXPECT_EQ(many.problem().limit, 10.0);
 }
 
+TEST_F(CoreEngineTest, APictureOfTooManyCellsSaysSoAndHowManyItDraws) {
+  options_.limits.max_picture_cells = 8;
+  Open();
+  const std::string id = Add(Sphere());
+  api::RenderRequest request;
+  request.width = request.height = 8;
+  request.cells_depth = 3;
+  EXPECT_TRUE(engine_->Render(id, request, true, Soon()).ok());
+  request.cells_depth = 10;
+  const auto many = engine_->Render(id, request, true, Soon());
+  ASSERT_FALSE(many.ok());
+  EXPECT_EQ(many.problem().code, ErrorCode::kTooManyCells);
+  EXPECT_EQ(many.problem().parameter, "cells_depth");
+  EXPECT_EQ(many.problem().limit, 8.0);
+}
+
 TEST_F(CoreEngineTest, PagesOfTheListJoinWithoutGaps) {
   std::vector<std::string> ids;
   for (int i = 0; i < 5; ++i) ids.push_back(Add(test::Cube({double(i), 0, 0}, 1)));
