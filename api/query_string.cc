@@ -20,9 +20,7 @@ std::optional<std::string> Decode(std::string_view text) {
   std::string out;
   out.reserve(text.size());
   for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text[i] == '+') {
-      out += ' ';
-    } else if (text[i] != '%') {
+    if (text[i] != '%') {
       out += text[i];
     } else {
       const int high = i + 2 < text.size() ? HexDigit(text[i + 1]) : -1;

@@ -13,10 +13,10 @@ struct Parameter {
   std::string name, value;
 };
 
-/// Splits `a=1&b=2` and decodes it as forms do (WHATWG URL, application/x-www-form-urlencoded): '+'
-/// is a space, so a plus is written %2B. Empty pieces are skipped; a piece without '=' has an empty
-/// value. invalid_parameter for a '%' without two hexadecimal digits and for a name that comes
-/// twice.
+/// Splits `a=1&b=2` and decodes the percent signs (RFC 3986). '+' is a plus sign, not a space as in
+/// forms: numbers are written with it (1e+5). Empty pieces are skipped; a piece without '=' has an
+/// empty value. invalid_parameter for a '%' without two hexadecimal digits and for a name that
+/// comes twice.
 Outcome<std::vector<Parameter>> ParseQuery(std::string_view query);
 
 }  // namespace kdray::api

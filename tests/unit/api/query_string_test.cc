@@ -18,11 +18,11 @@ std::vector<std::pair<std::string, std::string>> Pairs(std::string_view query) {
   return pairs;
 }
 
-TEST(QueryString, IsSplitAndDecodedAsFormsAre) {
+TEST(QueryString, IsSplitAndItsPercentSignsDecoded) {
   EXPECT_THAT(Pairs(""), IsEmpty());
   EXPECT_THAT(Pairs("a=1&b=2"), ElementsAre(Pair("a", "1"), Pair("b", "2")));
   EXPECT_THAT(Pairs("a=1%2C2%2c3"), ElementsAre(Pair("a", "1,2,3")));
-  EXPECT_THAT(Pairs("a=1e+5"), ElementsAre(Pair("a", "1e 5")));
+  EXPECT_THAT(Pairs("a=1e+5&+b=%20+"), ElementsAre(Pair("a", "1e+5"), Pair("+b", " +")));
   EXPECT_THAT(Pairs("a=1e%2B5"), ElementsAre(Pair("a", "1e+5")));
   EXPECT_THAT(Pairs("a=b=c"), ElementsAre(Pair("a", "b=c")));
   EXPECT_THAT(Pairs("a&b="), ElementsAre(Pair("a", ""), Pair("b", "")));

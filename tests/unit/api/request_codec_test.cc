@@ -422,9 +422,6 @@ TEST(RenderRequests, MeanTheSameAsParametersInAnyOrderAndInJson) {
     std::shuffle(pieces.begin(), pieces.end(), random);
     std::string query;
     for (const std::string& piece : pieces) query += (query.empty() ? "" : "&") + piece;
-    // A '+' in a query is a space.
-    for (std::size_t at; (at = query.find('+')) != std::string::npos;) query.replace(at, 1, "%2B");
-
     const auto from_query = Query(query), from_json = Body(json + '}');
     ASSERT_TRUE(from_query) << query << ": " << from_query.problem().detail;
     ASSERT_TRUE(from_json) << json << "}: " << from_json.problem().detail;
