@@ -7,6 +7,7 @@
 #include <limits>
 #include <sstream>
 #include <thread>
+#include <utility>
 
 namespace kdray::server {
 namespace {
@@ -53,6 +54,15 @@ std::string SizeToBytes(std::string& text) {
   }
   text = std::to_string(number * unit->bytes);
   return {};
+}
+
+/// 4GiB; all sizes that are defaults are whole numbers of a unit.
+std::string SizeText(std::uint64_t bytes) {
+  for (const auto& [shift, unit] : {std::pair(30, "GiB"), {20, "MiB"}, {10, "KiB"}}) {
+    const std::uint64_t size = std::uint64_t{1} << shift;
+    if (bytes >= size && bytes % size == 0) return std::to_string(bytes / size) + unit;
+  }
+  return std::to_string(bytes);
 }
 
 class Options {
@@ -104,10 +114,12 @@ std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv) 
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   options.AddSize("--memory-limit", config.memory_limit_bytes,
-                  "memory for meshes, trees and requests (default 4GiB)");
+                  "memory for meshes, trees and requests (default " +
+                      SizeText(config.memory_limit_bytes) + ")");
   options.AddSize("--store-limit", config.store_limit_bytes,
                   "disk space for meshes and trees (default: all there is)");
-  options.AddSize("--max-upload", config.limits.max_upload_bytes, "largest mesh (default 1GiB)");
+  options.AddSize("--max-upload", config.limits.max_upload_bytes,
+                  "largest mesh (default " + SizeText(config.limits.max_upload_bytes) + ")");
   options.Add("--max-rays", config.limits.max_rays, "rays in a batch")
       ->check(count(kMany))
       ->capture_default_str();

@@ -100,9 +100,9 @@ export class Picture {
       : QUALITY.none;
   }
 
-  /** These modes take one sample a pixel whatever is asked. */
+  /** These modes take one sample a pixel; asking for more is refused. */
   isFineUseful() {
-    return !['depth', 'triangle', 'cost'].includes(this.scene.query.mode) &&
+    return !['depth', 'triangle'].includes(this.scene.query.mode) &&
       this.shown.totalMs < SLOW_MS;
   }
 

@@ -12,7 +12,7 @@ import { TreeList } from './tree_list.js';
 import { acceptDrops, Uploads } from './uploads.js';
 
 const LIST_EVERY_MS = 15000;
-const MODES = ['shaded', 'normal', 'depth', 'triangle'];
+const MODES = ['shaded', 'normal', 'depth', 'triangle']; // of the contract, which names them
 const DEEPEST_CELLS = 24; // a slider with more steps cannot be aimed; deeper cells are specks
 
 const byId = (id) => document.getElementById(id);
@@ -289,6 +289,12 @@ function fill(select, names) {
   select.append(...options);
 }
 
+/** The formats that the server reads, in the file chooser and for people. */
+function offerFormats(formats) {
+  byId('file').accept = formats.map((format) => `.${format}`).join();
+  byId('formats').textContent = `: ${formats.join(', ').toUpperCase()}`;
+}
+
 async function start() {
   wireUploads();
   wirePicture();
@@ -300,6 +306,7 @@ async function start() {
     fill(byId('precision'), info.precisions);
     fill(byId('build'), info.builds);
     fill(byId('rebuild'), info.builds);
+    offerFormats(info.formats);
     await list.load();
     const first = list.firstReady();
     if (!(await openLink()) && first) await choose(first.id);

@@ -1,10 +1,12 @@
 """The viewer page in a real browser against the real daemon: browser_test.py KDRAYD KDRAY [SCREENSHOT.png]"""
+import json
 import os
 import shutil
 import subprocess
 import sys
 import unittest
 import urllib.parse
+import urllib.request
 
 import numpy as np
 
@@ -84,6 +86,23 @@ class PageTest(unittest.TestCase):
         self.assertTrue(0.1 < opaque / pixels < 0.9, (opaque, pixels))
         self.assertIn("closed", browser.run("return document.querySelector('#health-facts').textContent"))
         self.assertEqual(browser.run("return document.querySelectorAll('#uploads li').length"), 0)
+
+    def test_it_offers_what_the_server_has(self):
+        browser = self.browser()
+        browser.open(self.daemon.url + "/")
+        browser.wait("return document.querySelector('#version').textContent !== ''")
+        with urllib.request.urlopen(self.daemon.url + "/v1") as answer:
+            capabilities = json.load(answer)
+        with urllib.request.urlopen(self.daemon.url + "/openapi.json") as answer:
+            fields = json.load(answer)["components"]["schemas"]["RenderRequest"]["properties"]
+        formats = capabilities["formats"]
+        self.assertEqual(browser.run("return document.querySelector('#file').accept").split(","),
+                         [f".{name}" for name in formats])
+        self.assertIn(", ".join(formats).upper(), browser.run("return document.querySelector('#empty').textContent"))
+        for select, names in (("#mode", fields["mode"]["enum"]), ("#projection", fields["projection"]["enum"]),
+                              ("#precision", capabilities["precisions"]), ("#build", capabilities["builds"])):
+            self.assertEqual(browser.run(f"return [...document.querySelector('{select}').options].map((o) => o.value)"),
+                             names)
 
     def test_a_dropped_file_is_uploaded(self):
         browser = self.browser()

@@ -80,12 +80,12 @@ void AddRays(CLI::App& app, Session& session) {
       ->type_name("FILE");
   command->add_flag("--any", options->any, "Only whether something is hit, which is quicker");
   constexpr std::array kHelp = {
-      "fast, watertight, double, exact or auto",
-      "Of a hit, comma-separated: t, triangle, u, v, normal, point; the first four when left out",
+      "auto, fast, watertight, double or exact: auto when left out",
+      "t, triangle, u, v, normal or point of a hit, comma-separated: t,triangle,u,v when left out",
       "Nearest t that counts: 0 when left out",
       "Farthest t that counts",
       "f4 or f8: the answer's numbers; those of the rays when left out",
-      "Give up after that time"};
+      "Give up after that time: 30000 when left out"};
   constexpr std::array kTypes = {"NAME", "NAMES", "T", "T", "NAME", "MS"};
   for (std::size_t i = 0; i < kOptionNames.size(); ++i) {
     std::string name = std::string("--") + kOptionNames[i];

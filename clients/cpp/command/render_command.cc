@@ -15,42 +15,38 @@ struct Field {
   const char* description;
 };
 
-// Every field of the contract's renders. Values go to the server as they are: it knows the ranges
-// and says which were allowed.
+// Every field that the daemon's renders have (tests/clients/contract_test.py compares the two).
+// Values go to the server as they are: it knows the ranges and says which were allowed.
 constexpr std::array kFields = {
     Field{"width", "PIXELS", "640 when left out"},
     Field{"height", "PIXELS", "480 when left out"},
-    Field{"mode", "NAME", "shaded, normal, depth, triangle, ambient-occlusion or cost"},
-    Field{"projection", "NAME", "perspective or orthographic"},
+    Field{"mode", "NAME", "shaded, normal, depth or triangle: shaded when left out"},
+    Field{"projection", "NAME", "perspective or orthographic: perspective when left out"},
     Field{"eye", "X,Y,Z", "Where the camera stands; chosen to frame the mesh when left out"},
     Field{"target", "X,Y,Z", "What it looks at"},
-    Field{"up", "X,Y,Z", "What is up in the picture: 0,1,0 when left out"},
-    Field{"fov_deg", "DEGREES", "Vertical angle of view: 40 when left out"},
-    Field{"view_height", "LENGTH", "Orthographic: height of the picture in mesh units"},
-    Field{"samples", "N", "Rays a pixel"},
-    Field{"precision", "NAME", "fast, watertight, double, exact or auto"},
-    Field{"color", "R,G,B", "Of the surface, sRGB in 0..1"},
-    Field{"background", "R,G,B", "sRGB in 0..1, or transparent"},
-    Field{"lights", "JSON", "A list of lights; a headlight when left out"},
-    Field{"ao_radius", "LENGTH", "How far ambient occlusion looks"},
+    Field{"up", "X,Y,Z",
+          "What is up in the picture; the y axis, or z in a view along y, when left out"},
+    Field{"fov_deg", "DEGREES", "Perspective: vertical angle of view: 40 when left out"},
+    Field{"view_height", "LENGTH",
+          "Orthographic: height of the picture in mesh units; frames the mesh when left out"},
+    Field{"samples", "N", "Rays a pixel: 1 when left out"},
+    Field{"precision", "NAME", "auto, fast, watertight, double or exact: auto when left out"},
+    Field{"color", "R,G,B", "Of the surface, sRGB in 0..1: 0.93,0.88,0.81 when left out"},
+    Field{"background", "R,G,B",
+          "sRGB in 0..1, or transparent; white when left out, black unless shaded"},
     Field{"cells_depth", "DEPTH", "Draw the tree's boxes of that depth"},
     Field{"region", "X0,Y0,X1,Y1", "Only these pixels of the whole picture, half-open"},
-    Field{"seed", "N", "Of the random samples"},
+    Field{"seed", "N", "Of the random samples: 0 when left out"},
     Field{"budget_ms", "MS", "The best picture within that time"},
     Field{"max_noise", "NOISE", "Each pixel stops below this standard error"},
-    Field{"max_samples", "N", "At most that many rays a pixel"},
-    Field{"deadline_ms", "MS", "Give up after that time"},
-};
-constexpr std::array kSwitches = {
-    Field{"shadows", "", "Lights cast shadows"},
-    Field{"smooth", "", "Use the vertex normals that the file has"},
+    Field{"max_samples", "N", "At most that many rays a pixel: 1024 when left out"},
+    Field{"deadline_ms", "MS", "Give up after that time: 60000 when left out"},
 };
 
 struct Options {
   std::string tree;
   std::string output;
   std::array<std::string, kFields.size()> values;
-  std::array<bool, kSwitches.size()> switches{};
 };
 
 std::string OptionName(const char* field) {
@@ -67,8 +63,6 @@ void Render(const Options& options, Session& session) {
   Parameters fields;
   for (std::size_t i = 0; i < kFields.size(); ++i)
     if (!options.values[i].empty()) fields.emplace_back(kFields[i].name, options.values[i]);
-  for (std::size_t i = 0; i < kSwitches.size(); ++i)
-    if (options.switches[i]) fields.emplace_back(kSwitches[i].name, "true");
 
   OutputFile file(options.output, session.console());
   Client client = session.Connect();
@@ -94,9 +88,6 @@ void AddRender(CLI::App& app, Session& session) {
   for (std::size_t i = 0; i < kFields.size(); ++i)
     command->add_option(OptionName(kFields[i].name), options->values[i], kFields[i].description)
         ->type_name(kFields[i].type);
-  for (std::size_t i = 0; i < kSwitches.size(); ++i)
-    command->add_flag(OptionName(kSwitches[i].name), options->switches[i],
-                      kSwitches[i].description);
   command->callback([options, &session] { Render(*options, session); });
 }
 

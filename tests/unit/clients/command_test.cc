@@ -143,13 +143,13 @@ TEST_F(CommandTest, RenderPassesEveryFieldOnAndWritesThePicture) {
   service_.AddTree(kDigestA + "-auto");
   const std::string picture = folder_ / "a.png";
   EXPECT_EQ(Run({"render", kDigestA + "-auto", "-o", picture, "--width", "800", "--eye", "-1,2,-3",
-                 "--fov-deg", "30", "--mode", "depth", "--shadows", "--cells-depth", "0"}),
+                 "--fov-deg", "30", "--mode", "depth", "--cells-depth", "0"}),
             kExitOk);
   EXPECT_EQ(ReadText(picture), "picture as png");
   EXPECT_THAT(service_.Targets("GET"),
               ElementsAre("/v1/trees/" + kDigestA +
                           "-auto/render.png?width=800&mode=depth&eye=-1,2,-3&fov_deg=30&"
-                          "cells_depth=0&shadows=true"));
+                          "cells_depth=0"));
   EXPECT_THAT(err_.str(), HasSubstr("watertight precision, traced in 23.5 ms"));
 }
 
