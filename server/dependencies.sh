@@ -41,6 +41,7 @@ libembree-dev
 libgmock-dev
 libgtest-dev
 libpng-dev
+python3-jsonschema
 python3-numpy
 END
     run)
