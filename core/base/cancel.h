@@ -1,19 +1,22 @@
-// When to give up: at a deadline, or when somebody asks. Long loops look once per tile, block of
-// rays or tree node of some size, and return kCancelled or kDeadlineExceeded with nothing half
-// done.
+// When to give up: at a deadline, or when somebody asks. Loops look through a CancelPoll
+// (core/base/cancel_poll.h), which counts the work done, and return kCancelled or
+// kDeadlineExceeded with nothing half done.
 #pragma once
 
 #include <atomic>
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <utility>
 
 #include "core/base/result.h"
 
 namespace kdray::core {
 
-/// Copies share one state, so a watcher may call Cancel() while workers ask ShouldStop(). A
-/// default-constructed token never stops. Safe from many threads at once.
+/// Copies share one state, so a watcher may call Cancel() while workers ask ShouldStop(). Once it
+/// is time to stop, it stays so. A default-constructed token never stops. Safe from many threads at
+/// once.
 class CancelToken {
  public:
   using Clock = std::chrono::steady_clock;
@@ -26,6 +29,13 @@ class CancelToken {
     return token;
   }
   static CancelToken Cancellable() { return WithDeadline(Clock::time_point::max()); }
+  /// Cancelled as soon as `condition` returns true. Every look calls it, from whichever thread
+  /// looks.
+  static CancelToken When(std::function<bool()> condition) {
+    CancelToken token = Cancellable();
+    token.state_->condition = std::move(condition);
+    return token;
+  }
 
   /// Asks everyone who holds a copy to stop. No effect on a default-constructed token.
   void Cancel() const {
@@ -36,6 +46,7 @@ class CancelToken {
   /// 30 ns.
   std::optional<ErrorCode> Reason() const {
     if (!state_) return std::nullopt;
+    if (state_->condition && state_->condition()) Cancel();
     if (state_->cancelled.load(std::memory_order_relaxed)) return ErrorCode::kCancelled;
     if (state_->deadline != Clock::time_point::max() && Clock::now() >= state_->deadline) {
       return ErrorCode::kDeadlineExceeded;
@@ -58,6 +69,7 @@ class CancelToken {
   struct State {
     std::atomic<bool> cancelled{false};
     Clock::time_point deadline = Clock::time_point::max();
+    std::function<bool()> condition;
   };
   std::shared_ptr<State> state_;
 };

@@ -23,7 +23,7 @@ struct BoxList {
   /// As KdTree::Traverse, with one leaf.
   template <class Visit, class OnNode>
   void Traverse(const LocalRay& ray, double pad, const Visit& visit, const OnNode& on_node) const {
-    on_node();
+    if (!on_node()) return;
     if (ClipToBox(ray, Bounds3d{Vec3d(bounds.min), Vec3d(bounds.max)}, pad, SearchInterval(ray))
             .IsEmpty())
       return;

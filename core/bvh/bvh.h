@@ -72,7 +72,7 @@ void Bvh::Traverse(const LocalRay& ray, double pad, const Visit& visit,
   std::uint32_t current = 0;
   if (clip(0).IsEmpty()) return;
   for (;;) {
-    on_node();
+    if (!on_node()) return;
     const BvhNode& node = nodes[current];
     if (!node.IsLeaf()) {
       std::uint32_t near_child = current + 1;

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/io/cancel_poll.h"
+#include "core/base/cancel_poll.h"
 #include "core/io/mesh_error.h"
 #include "core/io/parse_text.h"
 #include "core/io/polygon.h"
@@ -69,7 +69,7 @@ class ObjReader {
       const std::string_view keyword = cursor.NextWord();
       if (Status status = handle(keyword, cursor); !status.ok()) return status;
       cursor.NextLine();
-      if (cancel_.ShouldStop()) return cancel_.ToError();
+      if (cancel_.Spend(64)) return cancel_.ToError();
     }
     return {};
   }

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/io/cancel_poll.h"
+#include "core/base/cancel_poll.h"
 #include "core/io/claimed_rows.h"
 #include "core/io/mesh_error.h"
 #include "core/io/parse_text.h"
@@ -113,7 +113,7 @@ class OffReader {
 
   Status ReadVertices() {
     for (std::uint64_t i = 0; i < vertices_; ++i) {
-      if (cancel_.ShouldStop()) return cancel_.ToError();
+      if (cancel_.Spend(64)) return cancel_.ToError();
       if (!cursor_.FindLineWithWords()) return EndsAfter(i, vertices_, "vertices");
       Vec3d vertex;
       for (int axis = 0; axis < 3; ++axis) {
@@ -138,7 +138,7 @@ class OffReader {
   template <class F>
   Status ForEachFace(F&& handle) {
     for (std::uint64_t i = 0; i < faces_; ++i) {
-      if (cancel_.ShouldStop()) return cancel_.ToError();
+      if (cancel_.Spend(64)) return cancel_.ToError();
       if (!cursor_.FindLineWithWords()) return EndsAfter(i, faces_, "faces");
       const std::string_view word = cursor_.NextWord();
       const std::optional<std::int64_t> corners = ParseInteger(word);

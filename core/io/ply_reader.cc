@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/io/cancel_poll.h"
+#include "core/base/cancel_poll.h"
 #include "core/io/claimed_rows.h"
 #include "core/io/mesh_error.h"
 #include "core/io/ply_body.h"
@@ -133,7 +133,7 @@ class BodyReader {
   Status ForEachProperty(const PlyElement& element, F&& handle) {
     if (element.properties.empty()) return {};
     for (std::uint64_t row = 0; row < element.count; ++row) {
-      if (cancel_.ShouldStop()) return cancel_.ToError();
+      if (cancel_.Spend(64)) return cancel_.ToError();
       if (!body_.BeginRow()) return body_.error();
       for (std::size_t i = 0; i < element.properties.size(); ++i) {
         if (!handle(i)) return body_.error();

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <utility>
 
-#include "core/io/cancel_poll.h"
+#include "core/base/cancel_poll.h"
 #include "core/io/mesh_error.h"
 #include "core/io/parse_text.h"
 
@@ -59,7 +59,7 @@ Result<MeshData> ReadBinary(std::span<const std::byte> bytes, const MeshReadOpti
   data.triangles.reserve(count);
   CancelPoll cancel(options.cancel);
   for (std::size_t record = kFirstRecord; record < bytes.size(); record += kRecordBytes) {
-    if (cancel.ShouldStop()) return cancel.ToError();
+    if (cancel.Spend(64)) return cancel.ToError();
     std::size_t offset = record + kNormalBytes;
     for (int corner = 0; corner < 3; ++corner) {
       Vec3f vertex;
@@ -89,7 +89,7 @@ class AsciiReader {
 
   Result<MeshData> Read() {
     for (;;) {
-      if (cancel_.ShouldStop()) return cancel_.ToError();
+      if (cancel_.Spend(64)) return cancel_.ToError();
       const std::uint64_t line_before = cursor_.line();
       const std::string_view word = NextWord();
       if (word.empty()) break;

@@ -45,9 +45,9 @@ struct KdTree {
   /// leaf's triangles and returns the local parameter beyond which the caller needs nothing more
   /// (infinity: go on; -infinity: stop). Leaves that begin exactly there are still visited: a
   /// triangle of equal t and smaller id may lie in them. `on_node()` is called once per node
-  /// visited. Source: lecture note, Algorithm 2; Havran, Kopal, Bittner, Zara, "Fast Robust BSP
-  /// Tree Traversal Algorithm for Ray Tracing", JGT 2(4), 1997, for the cases it leaves open
-  /// (direction parallel to the plane, origin on it).
+  /// visited, and ends the walk by returning false. Source: lecture note, Algorithm 2; Havran,
+  /// Kopal, Bittner, Zara, "Fast Robust BSP Tree Traversal Algorithm for Ray Tracing", JGT 2(4),
+  /// 1997, for the cases it leaves open (direction parallel to the plane, origin on it).
   template <class Visit, class OnNode>
   void Traverse(const LocalRay& ray, double pad, const Visit& visit, const OnNode& on_node) const;
 
@@ -78,7 +78,7 @@ void KdTree::Traverse(const LocalRay& ray, double pad, const Visit& visit,
   std::uint32_t current = 0;
 
   for (;;) {
-    on_node();
+    if (!on_node()) return;
     const KdNode node = nodes[current];
     if (!node.IsLeaf()) {
       const int axis = node.axis();

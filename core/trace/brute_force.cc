@@ -29,9 +29,10 @@ Hit Closest(const TriangleMesh& mesh, const LocalRay& ray) {
     if (!mesh.IsDegenerate(id)) ids.push_back(id);
   }
   return mesh.VisitVertices([&]<class Stored>(std::span<const Vec3<Stored>> vertices) {
+    CancelPoll never{CancelToken()};
     return FindClosest<Test>(EveryTriangle{ids},
                              Corners<typename Test::Number, Stored>(vertices, mesh.triangles()),
-                             ray, NoCost{});
+                             ray, NoCost{}, &never);
   });
 }
 

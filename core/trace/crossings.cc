@@ -6,6 +6,7 @@
 #include <optional>
 #include <variant>
 
+#include "core/base/polled_sort.h"
 #include "core/geometry/local_ray.h"
 #include "core/trace/exact_test.h"
 #include "core/trace/query.h"
@@ -18,49 +19,58 @@ struct Crossing {
   ExactTest::Hit hit;
   PrimitiveId id;
 };
+// What moving one in a sort counts as (CancelPoll).
+constexpr std::uint64_t kSortWork = 16;
 
-/// Every crossing of one ray within the caller's interval, in order of id. Scratch is reused.
+/// Every crossing of one ray within the caller's interval, in order of id; anything once the poll
+/// has stopped. Scratch is reused.
 template <class CornersOf>
 void FindCrossings(const WideTree& tree, const CornersOf& corners, const LocalRay& ray,
-                   const ExactTest& test, std::vector<Crossing>* crossings) {
+                   const ExactTest& test, CancelPoll* poll, std::vector<Crossing>* crossings) {
   crossings->clear();
-  tree.Traverse(ray, test.pad(), [&](std::span<const PrimitiveId> leaf) {
-    for (const PrimitiveId id : leaf) {
-      const auto [a, b, c] = corners(id);
-      ExactTest::Hit hit;
-      if (test.Test(a, b, c, &hit) && test.OwnsCrossing(a, b, c, hit) &&
-          test.IsInInterval(hit, id, corners)) {
-        crossings->push_back({hit, id});
-      }
-    }
-    return std::numeric_limits<double>::infinity();
-  });
+  tree.Traverse(
+      ray, test.pad(),
+      [&](std::span<const PrimitiveId> leaf) {
+        poll->Spend(leaf.size() * ExactTest::kWork);
+        for (const PrimitiveId id : leaf) {
+          const auto [a, b, c] = corners(id);
+          ExactTest::Hit hit;
+          if (test.Test(a, b, c, &hit) && test.OwnsCrossing(a, b, c, hit) &&
+              test.IsInInterval(hit, id, corners)) {
+            crossings->push_back({hit, id});
+          }
+        }
+        return std::numeric_limits<double>::infinity();
+      },
+      [&] { return !poll->Spend(kNodeWork); });
   // A triangle stands in several leaves of a kd-tree.
-  std::sort(crossings->begin(), crossings->end(),
-            [](const Crossing& a, const Crossing& b) { return a.id < b.id; });
+  PolledSort(std::span(*crossings), kSortWork, poll,
+             [](const Crossing& a, const Crossing& b) { return a.id < b.id; });
   crossings->erase(std::unique(crossings->begin(), crossings->end(),
                                [](const Crossing& a, const Crossing& b) { return a.id == b.id; }),
                    crossings->end());
 }
 
-/// per_ray(i, test, corners, crossings) for every ray of the batch; a ray that misses the mesh's
-/// surroundings or cannot be is left out.
+/// per_ray(i, test, corners, poll, crossings) for every ray of the batch; a ray that misses the
+/// mesh's surroundings or cannot be is left out.
 template <class PerRay>
 Status ForEachRay(const Scene& scene, const RayBatch& rays, const CancelToken& cancel,
                   const PerRay& per_ray) {
   const auto with = [&](const auto& corners) {
-    return ForEachChunk(rays.size(), cancel, [&](std::size_t first, std::size_t last) {
+    const auto trace = [&](std::size_t first, std::size_t last, CancelPoll* poll) {
       std::vector<Crossing> crossings;
       for (std::size_t i = first; i < last; ++i) {
+        if (poll->Spend(kNodeWork)) return;
         const Ray ray = rays[i];
         if (!IsValid(ray)) continue;
         const std::optional<LocalRay> local = MakeLocalRay(ray, scene.mesh->frame());
         if (!local) continue;
         const ExactTest test(*local);
-        FindCrossings(scene.tree->wide, corners, *local, test, &crossings);
-        per_ray(i, test, corners, crossings);
+        FindCrossings(scene.tree->wide, corners, *local, test, poll, &crossings);
+        per_ray(i, test, corners, poll, crossings);
       }
-    });
+    };
+    return ForEachChunk(rays.size(), cancel, trace);
   };
   return scene.mesh->VisitVertices([&]<class Stored>(std::span<const Vec3<Stored>> vertices) {
     return with(Corners<double, Stored>(vertices, scene.mesh->triangles()));
@@ -73,11 +83,11 @@ Status TraceCount(const Scene& scene, RayBatch rays, const CancelToken& cancel,
                   std::span<std::uint32_t> counts) {
   assert(counts.size() == rays.size());
   std::fill(counts.begin(), counts.end(), 0u);
-  return ForEachRay(
-      scene, rays, cancel,
-      [&](std::size_t i, const ExactTest&, const auto&, const std::vector<Crossing>& crossings) {
-        counts[i] = static_cast<std::uint32_t>(crossings.size());
-      });
+  return ForEachRay(scene, rays, cancel,
+                    [&](std::size_t i, const ExactTest&, const auto&, CancelPoll*,
+                        const std::vector<Crossing>& crossings) {
+                      counts[i] = static_cast<std::uint32_t>(crossings.size());
+                    });
 }
 
 Result<Crossings> TraceAll(const Scene& scene, RayBatch rays, std::size_t max_hits,
@@ -86,21 +96,20 @@ Result<Crossings> TraceAll(const Scene& scene, RayBatch rays, std::size_t max_hi
   std::vector<std::vector<Hit>> chunks((rays.size() + kChunkRays - 1) / kChunkRays);
   std::vector<std::size_t> kept(rays.size());
   std::vector<std::uint8_t> cut(rays.size());
-  const Status status =
-      ForEachRay(scene, rays, cancel,
-                 [&](std::size_t i, const ExactTest& test, const auto& corners,
-                     std::vector<Crossing>& crossings) {
-                   const auto is_closer = [&](const Crossing& a, const Crossing& b) {
-                     return test.IsCloser(a.hit, a.id, b.hit, b.id, corners);
-                   };
-                   kept[i] = std::min(max_hits, crossings.size());
-                   cut[i] = crossings.size() > max_hits;
-                   const auto end = crossings.begin() + static_cast<std::ptrdiff_t>(kept[i]);
-                   std::partial_sort(crossings.begin(), end, crossings.end(), is_closer);
-                   std::vector<Hit>& hits = chunks[i / kChunkRays];
-                   for (auto c = crossings.begin(); c != end; ++c)
-                     hits.push_back({test.CallerT(c->hit), c->hit.u, c->hit.v, c->id});
-                 });
+  const Status status = ForEachRay(
+      scene, rays, cancel,
+      [&](std::size_t i, const ExactTest& test, const auto& corners, CancelPoll* poll,
+          std::vector<Crossing>& crossings) {
+        const auto is_closer = [&](const Crossing& a, const Crossing& b) {
+          return test.IsCloser(a.hit, a.id, b.hit, b.id, corners);
+        };
+        kept[i] = std::min(max_hits, crossings.size());
+        cut[i] = crossings.size() > max_hits;
+        PolledPartialSort(std::span(crossings), kept[i], ExactTest::kWork, poll, is_closer);
+        std::vector<Hit>& hits = chunks[i / kChunkRays];
+        for (const Crossing& c : std::span(crossings).first(kept[i]))
+          hits.push_back({test.CallerT(c.hit), c.hit.u, c.hit.v, c.id});
+      });
   if (!status.ok()) return status.error();
 
   Crossings all;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstdint>
 
 #include "core/geometry/hit.h"
 #include "core/geometry/local_ray.h"
@@ -23,6 +24,9 @@ struct LeafHit {
 /// interval. `corners(id)` gives a triangle's three corners, which only the exact test needs.
 class RoundedOrder {
  public:
+  /// What a test counts as (CancelPoll).
+  static constexpr std::uint64_t kWork = 64;
+
   explicit RoundedOrder(const LocalRay& ray) : ray_(ray) {}
 
   /// Orders by s + shift, which orders as t does but cannot overflow; at equality by id.

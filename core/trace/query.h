@@ -6,6 +6,7 @@
 #include <limits>
 #include <span>
 
+#include "core/base/cancel_poll.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/local_ray.h"
 #include "core/geometry/triangle_mesh.h"
@@ -71,20 +72,29 @@ struct ClosestSearch {
   }
 };
 
-/// The closest accepted triangle; Hit{} on a miss.
+/// What a step through a node of a structure, for one ray, counts as (CancelPoll).
+inline constexpr std::uint64_t kNodeWork = 32;
+
+/// The closest accepted triangle; Hit{} on a miss, and anything once the poll has stopped.
 template <class Test, class Structure, class Corners, class Cost>
-Hit FindClosest(const Structure& structure, const Corners& corners, const LocalRay& ray,
-                Cost cost) {
+Hit FindClosest(const Structure& structure, const Corners& corners, const LocalRay& ray, Cost cost,
+                CancelPoll* poll) {
   const Test test(ray);
   ClosestSearch<Test> closest;
   structure.Traverse(
       ray, test.pad(),
       [&](std::span<const PrimitiveId> leaf) {
         cost.CountTriangles(leaf.size());
-        for (const PrimitiveId id : leaf) closest.Offer(test, id, corners);
+        for (const PrimitiveId id : leaf) {
+          if (poll->Spend(Test::kWork)) return -std::numeric_limits<double>::infinity();
+          closest.Offer(test, id, corners);
+        }
         return closest.limit;
       },
-      [&] { cost.CountNode(); });
+      [&] {
+        cost.CountNode();
+        return !poll->Spend(kNodeWork);
+      });
   return closest.Finish(test);
 }
 

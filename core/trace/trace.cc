@@ -17,8 +17,7 @@
 namespace kdray::core {
 namespace {
 
-// A block is what one thread takes at a time. Engines look at the clock once in so many rays
-// (EngineJob::cancel), so a cancelled request ends promptly even in a box of many triangles.
+// A block is what one thread takes at a time.
 constexpr std::size_t kBlockRays = 4096;
 
 /// Calls f(corners, test tag) for the mesh's stored number type and the precision.
@@ -66,11 +65,12 @@ Status TraceByEngine(const Scene& scene, const RayBatch& rays, const TraceOption
   job.judge = judge.get();
   job.precision = options.precision;
   job.rays = rays;
-  job.cancel = &options.cancel;
+  job.cancel = options.cancel;
   job.stopped = &stopped;
   ChooseEngines(options, &job);
   if (job.sort) {
     ParallelFor(0, rays.size(), kSortedRays, [&](std::size_t first, std::size_t last) {
+      if (stopped.load(std::memory_order_relaxed)) return;
       std::vector<std::uint32_t> rows(last - first);
       OrderRays(rays, scene.mesh->bounds(), job.hits != nullptr, first, rows);
       EngineJob sorted = job;
@@ -109,23 +109,24 @@ Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& option
   assert(hits.size() == rays.size() && costs.size() == rays.size());
   const auto binary = scene.tree->Binary(*scene.mesh, BuildOptions{options.cancel});
   if (!binary.ok()) return binary.error();
-  const auto trace = [&](const auto& structure, const auto& corners, auto tag, std::size_t i) {
+  const auto trace = [&](const auto& structure, const auto& corners, auto tag, std::size_t i,
+                         CancelPoll* poll) {
     using Test = typename decltype(tag)::Type;
     costs[i] = {};
     hits[i] = InvalidRow();
     const Ray ray = rays[i];
     if (!IsValid(ray)) return;
     const std::optional<LocalRay> local = MakeLocalRay(ray, scene.mesh->frame());
-    hits[i] = local ? FindClosest<Test>(structure, corners, *local, CountCost{&costs[i]}) : Hit{};
+    hits[i] =
+        local ? FindClosest<Test>(structure, corners, *local, CountCost{&costs[i]}, poll) : Hit{};
   };
   Status status;
   Dispatch(*scene.mesh, options.precision, [&](const auto& corners, auto tag) {
     std::visit(
         [&](const auto& structure) {
-          status =
-              ForEachChunk(rays.size(), options.cancel, [&](std::size_t first, std::size_t last) {
-                for (std::size_t i = first; i < last; ++i) trace(structure, corners, tag, i);
-              });
+          status = ForEachRow(rays.size(), options.cancel, [&](std::size_t i, CancelPoll* poll) {
+            trace(structure, corners, tag, i, poll);
+          });
         },
         **binary);
   });
@@ -136,7 +137,8 @@ Hit ClosestHit(const Scene& scene, const Ray& ray, Precision precision) {
   if (!IsValid(ray)) return InvalidRow();
   const std::optional<LocalRay> local = MakeLocalRay(ray, scene.mesh->frame());
   if (!local) return Hit{};
-  return MakeJudge(*scene.mesh, precision)->Closest(*local, scene.tree->wide);
+  CancelPoll never{CancelToken()};
+  return MakeJudge(*scene.mesh, precision)->Closest(*local, scene.tree->wide, &never);
 }
 
 bool AnyHit(const Scene& scene, const Ray& ray, Precision precision) {

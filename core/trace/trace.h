@@ -40,8 +40,8 @@ struct TraceCost {
 /// t the smallest primitive_id. A miss is Hit{}; a ray that cannot be (IsValid) is a miss with t =
 /// NaN. Each row depends on its ray and the mesh alone: not on its neighbours, the build, the
 /// number of threads. hits.size() == rays.size(). Works in blocks, in parallel within the caller's
-/// arena; looks at `cancel` once per block. Errors: kCancelled, kDeadlineExceeded (hits are then
-/// unspecified). Safe from many threads at once.
+/// arena; looks at `cancel` by the work done, inside a ray too. Errors: kCancelled,
+/// kDeadlineExceeded (hits are then unspecified). Safe from many threads at once.
 Status TraceClosest(const Scene& scene, RayBatch rays, const TraceOptions& options,
                     std::span<Hit> hits);
 

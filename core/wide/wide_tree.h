@@ -79,9 +79,10 @@ struct WideTree {
   /// Walks the leaves that the fat ray meets, roughly front to back: what every engine does, for
   /// one ray, in double and in plain words. visit(span<const PrimitiveId>) tests a block's
   /// triangles and returns the local parameter beyond which the caller needs nothing more, as in
-  /// KdTree::Traverse.
-  template <class Visit>
-  void Traverse(const LocalRay& ray, double pad, const Visit& visit) const;
+  /// KdTree::Traverse. go_on() is asked before each node and each block, and ends the walk by
+  /// returning false.
+  template <class Visit, class GoOn>
+  void Traverse(const LocalRay& ray, double pad, const Visit& visit, const GoOn& go_on) const;
 
   /// kCorrupt unless every child is in range and follows its parent, leaves end, ids are below
   /// triangle_count, orders are permutations and the stack is large enough: what a traversal relies
@@ -89,8 +90,9 @@ struct WideTree {
   Status Validate(std::size_t triangle_count) const;
 };
 
-template <class Visit>
-void WideTree::Traverse(const LocalRay& ray, double pad, const Visit& visit) const {
+template <class Visit, class GoOn>
+void WideTree::Traverse(const LocalRay& ray, double pad, const Visit& visit,
+                        const GoOn& go_on) const {
   // The boxes are padded already; only rays from very far away need more (ExactTest::pad).
   const double more = std::max(0.0, pad - kFloatPad);
   double limit = std::numeric_limits<double>::infinity();
@@ -118,6 +120,7 @@ void WideTree::Traverse(const LocalRay& ray, double pad, const Visit& visit) con
     stack.pop_back();
     if (entry.enter > limit) continue;
     if ((entry.child & WideChild::kLeafBit) == 0) {
+      if (!go_on()) return;
       const WideNode& node = nodes[entry.child];
       for (std::size_t i = 0; i < WideNode::kWidth; ++i) {
         const std::size_t c = node.order[octant] >> (4 * i) & 7u;
@@ -133,6 +136,7 @@ void WideTree::Traverse(const LocalRay& ray, double pad, const Visit& visit) con
       continue;
     }
     for (std::size_t b = entry.child & ~WideChild::kLeafBit;; ++b) {
+      if (!go_on()) return;
       std::array<PrimitiveId, LeafBlock::kWidth> ids;
       std::size_t size = 0;
       for (std::size_t lane = 0; lane < LeafBlock::kWidth; ++lane) {

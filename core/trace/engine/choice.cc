@@ -34,10 +34,15 @@ void ChooseEngines(const TraceOptions& options, EngineJob* job) {
 }
 
 void TraceBlock(const EngineJob& job, std::size_t first, std::size_t last) {
+  if (job.stopped->load(std::memory_order_relaxed)) return;
   const bool any = job.occluded != nullptr;
   const EngineFunction trace =
       FindEngine(job.simd, job.engine, job.precision, job.mesh->has_double_vertices(), any);
-  trace(job, first, last);
+  CancelPoll poll(job.cancel);
+  EngineJob own = job;
+  own.poll = &poll;
+  trace(own, first, last);
+  if (poll.stopped()) job.stopped->store(true, std::memory_order_relaxed);
 }
 
 }  // namespace kdray::core

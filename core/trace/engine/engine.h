@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <span>
 
-#include "core/base/cancel.h"
+#include "core/base/cancel_poll.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/ray.h"
 #include "core/geometry/triangle_mesh.h"
@@ -19,6 +19,12 @@
 #include "core/wide/wide_tree.h"
 
 namespace kdray::core {
+
+/// What engines count for one ray (CancelPoll): for making it ready, for a step to a node's
+/// children, and for a block of triangles.
+inline constexpr std::uint64_t kBeginWork = 64;
+inline constexpr std::uint64_t kStepWork = 32;
+inline constexpr std::uint64_t kBlockWork = 64;
 
 /// What a stretch of rays is traced against, and where its answers go.
 struct EngineJob {
@@ -40,20 +46,16 @@ struct EngineJob {
   Hit* hits = nullptr;
   std::uint8_t* occluded = nullptr;
 
-  /// Looked at once in 64 rays; what was not traced by then keeps no answer. May be null.
-  const CancelToken* cancel = nullptr;
-  std::atomic<bool>* stopped = nullptr;  ///< set then, and looked at; null without cancel
-
-  bool ShouldStop() const {
-    if (cancel == nullptr) return false;
-    if (stopped->load(std::memory_order_relaxed)) return true;
-    if (!cancel->ShouldStop()) return false;
-    stopped->store(true, std::memory_order_relaxed);
-    return true;
-  }
+  CancelToken cancel;
+  /// Set when the token stopped a block of rays; its rows and later ones then hold no answers.
+  std::atomic<bool>* stopped = nullptr;
+  /// The meter of the thread that traces, which an engine asks once per step of its walk and once
+  /// per block of triangles. TraceBlock sets it.
+  CancelPoll* poll = nullptr;
 };
 
-/// Traces entries [first, last) of job.rows. Every engine gives the same answers.
+/// Traces entries [first, last) of job.rows. Every engine gives the same answers. Leaves rows
+/// without one when job.poll stops it.
 using EngineFunction = void (*)(const EngineJob& job, std::size_t first, std::size_t last);
 
 /// Safe from many threads at once. The level must be supported.

@@ -31,15 +31,20 @@ class JudgeOf final : public Judge {
     const Search& search = SearchIn(space);
     return search.closest.Finish(search.test);
   }
-  Hit Closest(const LocalRay& ray, const WideTree& tree) const override {
+  Hit Closest(const LocalRay& ray, const WideTree& tree, CancelPoll* poll) const override {
     const LeafTest test(ray);
     ClosestSearch<LeafTest> closest;
-    tree.Traverse(ray, test.pad(), [&](std::span<const PrimitiveId> ids) {
-      for (const PrimitiveId id : ids) closest.Offer(test, id, corners_);
-      return closest.limit;
-    });
+    tree.Traverse(
+        ray, test.pad(),
+        [&](std::span<const PrimitiveId> ids) {
+          poll->Spend(ids.size() * LeafTest::kWork);
+          for (const PrimitiveId id : ids) closest.Offer(test, id, corners_);
+          return closest.limit;
+        },
+        [&] { return !poll->Spend(kNodeWork); });
     return closest.Finish(test);
   }
+  std::uint64_t work() const override { return LeafTest::kWork; }
   bool Test(const LocalRay& ray, PrimitiveId id, LeafHit* hit) const override {
     const auto [a, b, c] = corners_(id);
     typename LeafTest::Hit found;

@@ -6,6 +6,7 @@
 #include <limits>
 #include <memory>
 
+#include "core/base/cancel_poll.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/local_ray.h"
 #include "core/geometry/ray.h"
@@ -36,8 +37,11 @@ class Judge {
   virtual Hit Finish(const JudgeSpace& space) const = 0;
 
   /// The whole search, one triangle after the other: the reference, and for rays that no engine
-  /// takes.
-  virtual Hit Closest(const LocalRay& ray, const WideTree& tree) const = 0;
+  /// takes. Anything once the poll has stopped.
+  virtual Hit Closest(const LocalRay& ray, const WideTree& tree, CancelPoll* poll) const = 0;
+
+  /// What one Offer() or Test() counts as (CancelPoll).
+  virtual std::uint64_t work() const = 0;
 
   /// The leaf test alone, on a ray whose search is somewhere else.
   virtual bool Test(const LocalRay& ray, PrimitiveId id, LeafHit* hit) const = 0;

@@ -281,7 +281,10 @@ TEST(KdTreeTraversal, HoldsTheDeepestTreeInBothDirections) {
           visited.insert(visited.end(), leaf.begin(), leaf.end());
           return std::numeric_limits<double>::infinity();
         },
-        [&] { ++nodes; });
+        [&] {
+          ++nodes;
+          return true;
+        });
     std::vector<PrimitiveId> expected;
     for (PrimitiveId id = 0; id <= KdTree::kMaxDepth; ++id) expected.push_back(id);
     if (direction < 0) std::reverse(expected.begin(), expected.end());

@@ -1,0 +1,66 @@
+#include "tests/support/cancel_probe.h"
+
+#include <pthread.h>
+#include <time.h>
+
+#include <atomic>
+#include <memory>
+#include <thread>
+#include <utility>
+
+namespace kdray::test {
+namespace {
+
+std::chrono::nanoseconds ReadClock(clockid_t clock) {
+  timespec time{};
+  clock_gettime(clock, &time);
+  return std::chrono::seconds(time.tv_sec) + std::chrono::nanoseconds(time.tv_nsec);
+}
+
+}  // namespace
+
+std::chrono::nanoseconds ThreadTime() { return ReadClock(CLOCK_THREAD_CPUTIME_ID); }
+
+struct CancelAfter::Watcher {
+  std::atomic<bool> is_over{false};
+  bool was_cancelled = false;
+  std::chrono::nanoseconds cancelled_at{0};
+  std::thread thread;
+};
+
+CancelAfter::CancelAfter(std::chrono::milliseconds after) : watcher_(std::make_unique<Watcher>()) {
+  clockid_t clock = CLOCK_THREAD_CPUTIME_ID;
+  pthread_getcpuclockid(pthread_self(), &clock);
+  const std::chrono::nanoseconds begin = ThreadTime();
+  watcher_->thread = std::thread([this, clock, begin, after] {
+    while (!watcher_->is_over) {
+      const std::chrono::nanoseconds now = ReadClock(clock);
+      if (now - begin >= after) {
+        watcher_->cancelled_at = now;
+        watcher_->was_cancelled = true;
+        token_.Cancel();
+        return;
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  });
+}
+
+CancelAfter::~CancelAfter() {
+  watcher_->is_over = true;
+  if (watcher_->thread.joinable()) watcher_->thread.join();
+}
+
+CancelledCall CancelAfter::Finish(core::Status status) {
+  const std::chrono::nanoseconds now = ThreadTime();
+  watcher_->is_over = true;
+  watcher_->thread.join();
+  return {watcher_->was_cancelled, now - watcher_->cancelled_at, std::move(status)};
+}
+
+core::CancelToken CancelledAtLook(std::uint64_t n) {
+  const auto looks = std::make_shared<std::atomic<std::uint64_t>>(0);
+  return core::CancelToken::When([looks, n] { return ++*looks >= n; });
+}
+
+}  // namespace kdray::test

@@ -1,0 +1,68 @@
+// How soon a call ends that is cancelled while it works. Measured in the processor time of the
+// calling thread, so that a busy machine changes nothing; the call runs on that thread alone.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <utility>
+
+#include "core/base/cancel.h"
+#include "core/base/parallel.h"
+#include "core/base/result.h"
+
+namespace kdray::test {
+
+/// Every call has to end within this time of its cancellation.
+inline constexpr std::chrono::milliseconds kPromptly{250};
+
+/// Processor time of the calling thread.
+std::chrono::nanoseconds ThreadTime();
+
+struct CancelledCall {
+  /// False when the call was over before its cancellation: then it says nothing.
+  bool was_cancelled = false;
+  std::chrono::nanoseconds late{0};  ///< from the cancellation to the return
+  core::Status status;
+};
+
+/// Calls Cancel() on a token from another thread once this one has worked for `after`.
+class CancelAfter {
+ public:
+  explicit CancelAfter(std::chrono::milliseconds after);
+  ~CancelAfter();
+  CancelAfter(const CancelAfter&) = delete;
+  CancelAfter& operator=(const CancelAfter&) = delete;
+
+  const core::CancelToken& token() const { return token_; }
+  /// Call once, when the work is over.
+  CancelledCall Finish(core::Status status);
+
+ private:
+  struct Watcher;
+  core::CancelToken token_ = core::CancelToken::Cancellable();
+  std::unique_ptr<Watcher> watcher_;
+};
+
+/// Runs call(token), which returns a Status, and cancels it after so much work.
+template <class Call>
+CancelledCall CancelDuring(std::chrono::milliseconds after, const Call& call) {
+  CancelledCall result;
+  core::Arena(1).Run([&] {
+    CancelAfter cancel(after);
+    core::Status status = call(cancel.token());
+    result = cancel.Finish(std::move(status));
+  });
+  return result;
+}
+
+/// A token that is cancelled at its n-th look, the first being number 1.
+core::CancelToken CancelledAtLook(std::uint64_t n);
+
+/// Success, or the error of a Result.
+template <class T>
+core::Status StatusOf(const core::Result<T>& result) {
+  return result.ok() ? core::Status() : core::Status(result.error());
+}
+
+}  // namespace kdray::test

@@ -1,0 +1,261 @@
+// Ray queries end soon after their cancellation, whatever one ray costs: tokens are cancelled while
+// the call works.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <numbers>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/base/polled_sort.h"
+#include "core/scene/scene.h"
+#include "core/trace/crossings.h"
+#include "core/trace/trace.h"
+#include "tests/support/cancel_probe.h"
+#include "tests/support/scenes.h"
+#include "tests/support/shapes.h"
+
+namespace kdray {
+namespace {
+
+using core::BuildKind;
+using core::CancelToken;
+using core::Engine;
+using core::ErrorCode;
+using core::Hit;
+using core::Precision;
+using core::Ray;
+using core::Scene;
+using core::Status;
+using std::chrono::milliseconds;
+using test::CancelledCall;
+using test::kPromptly;
+
+constexpr core::Vec3d kApex = {0.1, 0.2, 0.3};
+
+// Triangles around one apex. A ray through it meets them all, and `exact` must decide on each with
+// more digits than a double has.
+core::MeshData Fan(std::uint32_t triangles) {
+  core::MeshData fan;
+  fan.vertices.push_back(kApex);
+  for (std::uint32_t i = 0; i < triangles; ++i) {
+    const double angle = 2 * std::numbers::pi * i / triangles;
+    fan.vertices.push_back(
+        {std::cos(angle) + 0.1, std::sin(angle) + 0.2, -0.5 + 0.1 * std::sin(7 * angle)});
+    fan.triangles.push_back({0, 1 + i, 1 + (i + 1) % triangles});
+  }
+  return fan;
+}
+
+Ray ThroughApex() {
+  Ray ray;
+  ray.origin = {0.1, 0.2, 2};
+  ray.direction = {0, 0, -1};
+  return ray;
+}
+
+// Rays from one point through the middle of Coincident's triangle, close together: a packet.
+std::vector<Ray> Beam(const Scene& scene, std::size_t count) {
+  core::Vec3d middle;
+  for (int corner = 0; corner < 3; ++corner) {
+    middle = middle + scene.mesh->frame().ToWorld(scene.mesh->LocalCorner(0, corner)) * (1.0 / 3);
+  }
+  std::vector<Ray> rays(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    rays[i].origin = middle + core::Vec3d{3, 2, 5};
+    const double across = 1e-3 * static_cast<double>(i % 8),
+                 down = 1e-3 * static_cast<double>(i / 8);
+    rays[i].direction = middle + core::Vec3d{across, down, 0.0} - rays[i].origin;
+  }
+  return rays;
+}
+
+void ExpectPrompt(const CancelledCall& call, const std::string& what) {
+  ASSERT_TRUE(call.was_cancelled) << what << ": over too early to say anything";
+  EXPECT_LT(call.late, kPromptly) << what;
+  ASSERT_FALSE(call.status.ok()) << what;
+  EXPECT_EQ(call.status.error().code, ErrorCode::kCancelled) << what;
+}
+
+struct Query {
+  std::string name;
+  std::function<Status(const Scene&, std::span<const Ray>, core::TraceOptions)> run;
+};
+std::vector<Query> EngineQueries() {
+  return {
+      {"closest",
+       [](const Scene& scene, std::span<const Ray> rays, const core::TraceOptions& options) {
+         std::vector<Hit> hits(rays.size());
+         return core::TraceClosest(scene, rays, options, hits);
+       }},
+      {"any",
+       [](const Scene& scene, std::span<const Ray> rays, const core::TraceOptions& options) {
+         std::vector<std::uint8_t> occluded(rays.size());
+         return core::TraceAny(scene, rays, options, occluded);
+       }},
+  };
+}
+std::vector<Query> OtherQueries() {
+  return {
+      {"costly",
+       [](const Scene& scene, std::span<const Ray> rays, const core::TraceOptions& options) {
+         std::vector<Hit> hits(rays.size());
+         std::vector<core::TraceCost> costs(rays.size());
+         return core::TraceCostly(scene, rays, options, hits, costs);
+       }},
+      {"count",
+       [](const Scene& scene, std::span<const Ray> rays, const core::TraceOptions& options) {
+         std::vector<std::uint32_t> counts(rays.size());
+         return core::TraceCount(scene, rays, options.cancel, counts);
+       }},
+      {"all",
+       [](const Scene& scene, std::span<const Ray> rays, const core::TraceOptions& options) {
+         return test::StatusOf(core::TraceAll(scene, rays, 1 << 20, options.cancel));
+       }},
+  };
+}
+
+TEST(CancelledTrace, EndsWithinOneExactRayThroughTheApexOfAFan) {
+  const Scene scene = test::MakeScene(Fan(100000), BuildKind::kBox);
+  const std::vector<Ray> rays(4, ThroughApex());
+  for (const Engine engine : core::kAllEngines) {
+    core::TraceOptions options{Precision::kExact, {}, engine};
+    ExpectPrompt(test::CancelDuring(milliseconds(30),
+                                    [&](const CancelToken& token) {
+                                      options.cancel = token;
+                                      std::vector<Hit> hits(rays.size());
+                                      return core::TraceClosest(scene, std::span(rays), options,
+                                                                hits);
+                                    }),
+                 std::string(Name(engine)));
+  }
+  for (const Query& query : OtherQueries()) {
+    ExpectPrompt(test::CancelDuring(milliseconds(30),
+                                    [&](const CancelToken& token) {
+                                      return query.run(scene, rays, {Precision::kExact, token});
+                                    }),
+                 query.name);
+  }
+}
+
+TEST(CancelledTrace, EndsWithinOneExactRayFromFarAway) {
+  const Scene scene = test::MakeScene(test::Soup(60000, 0.02, 1), BuildKind::kKdSah);
+  Ray ray;
+  ray.origin = core::Vec3d{0.3, 0.5, 0.7} * 1e16;
+  ray.direction = {-0.3, -0.5, -0.7};
+  const std::vector<Ray> rays(4, ray);
+  for (const std::vector<Query>& queries : {EngineQueries(), OtherQueries()}) {
+    for (const Query& query : queries) {
+      if (query.name == "costly") continue;  // builds its tree first: tests of builds look at that
+      ExpectPrompt(test::CancelDuring(milliseconds(30),
+                                      [&](const CancelToken& token) {
+                                        return query.run(scene, rays, {Precision::kExact, token});
+                                      }),
+                   query.name);
+    }
+  }
+}
+
+TEST(CancelledTrace, EndsWithinAFullLeafInEveryEngineAndPrecision) {
+  // All in one leaf, all hit by every ray.
+  const Scene scene = test::MakeScene(test::Coincident(1 << 20), BuildKind::kBox);
+  std::vector<Ray> rays = Beam(scene, 64);
+  // For "any" nothing is in the way: every triangle is behind the end of the ray.
+  std::vector<Ray> short_rays = rays;
+  for (Ray& ray : short_rays) ray.t_max = 0.99;
+  for (const Precision precision : core::kAllPrecisions) {
+    for (const Engine engine : core::kAllEngines) {
+      for (const Query& query : EngineQueries()) {
+        const bool any = query.name == "any";
+        ExpectPrompt(
+            test::CancelDuring(
+                milliseconds(2),
+                [&](const CancelToken& token) {
+                  // Again and again, so that the cancellation meets it at work.
+                  Status status;
+                  while (status.ok()) {
+                    status = query.run(scene, any ? short_rays : rays, {precision, token, engine});
+                  }
+                  return status;
+                }),
+            query.name + " by " + std::string(Name(engine)) + " in " +
+                std::string(Name(precision)));
+      }
+    }
+    ExpectPrompt(test::CancelDuring(milliseconds(2),
+                                    [&](const CancelToken& token) {
+                                      return OtherQueries()[0].run(scene, rays, {precision, token});
+                                    }),
+                 "costly in " + std::string(Name(precision)));
+  }
+}
+
+TEST(CancelledTrace, SortsCrossingsThatTieWithPolls) {
+  // Every pair of crossings ties in the rounded t: each comparison takes integers.
+  const Scene scene = test::MakeScene(test::Coincident(20000), BuildKind::kBox);
+  const std::vector<Ray> rays = Beam(scene, 64);
+  ExpectPrompt(test::CancelDuring(milliseconds(100),
+                                  [&](const CancelToken& token) {
+                                    return test::StatusOf(
+                                        core::TraceAll(scene, std::span(rays), 1 << 20, token));
+                                  }),
+               "all");
+}
+
+TEST(CancelledTrace, AnswersFullyOrNotAtAllWheneverItIsCancelled) {
+  const Scene scene = test::MakeScene(Fan(300), BuildKind::kKdSah);
+  std::vector<Ray> rays(200, ThroughApex());
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    rays[i].origin.x += 1e-3 * static_cast<double>(i % 7);
+    rays[i].origin.y += 1e-3 * static_cast<double>(i % 11);
+  }
+  std::vector<Hit> expected(rays.size());
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    expected[i] = core::ClosestHit(scene, rays[i], Precision::kExact);
+  }
+  for (const Engine engine : core::kAllEngines) {
+    bool completed = false;
+    int cancelled = 0;
+    for (std::uint64_t look = 1; !completed; look += 1 + look / 8) {
+      std::vector<Hit> hits(rays.size());
+      const Status status =
+          core::TraceClosest(scene, std::span<const Ray>(rays),
+                             {Precision::kExact, test::CancelledAtLook(look), engine}, hits);
+      if (status.ok()) {
+        completed = true;
+        EXPECT_EQ(hits, expected) << Name(engine);
+      } else {
+        ++cancelled;
+        ASSERT_EQ(status.error().code, ErrorCode::kCancelled);
+      }
+    }
+    EXPECT_GT(cancelled, 3) << Name(engine);
+  }
+}
+
+TEST(PolledSort, OrdersAsStableSortDoes) {
+  // See the file's other tests for its polls; here for its answer.
+  std::vector<std::pair<int, int>> values;
+  for (int i = 0; i < 1000; ++i) values.push_back({(i * 7919) % 97, i});
+  const auto less = [](const auto& a, const auto& b) { return a.first < b.first; };
+  for (const std::size_t size : {0, 1, 2, 15, 16, 17, 33, 100, 1000}) {
+    for (const std::size_t keep : {0, 1, 5, 16, 40, 1000}) {
+      std::vector<std::pair<int, int>> sorted(values.begin(),
+                                              values.begin() + static_cast<std::ptrdiff_t>(size));
+      std::vector<std::pair<int, int>> expected = sorted;
+      std::stable_sort(expected.begin(), expected.end(), less);
+      core::CancelPoll never{CancelToken()};
+      ASSERT_TRUE(core::PolledPartialSort(std::span(sorted), keep, 1, &never, less));
+      for (std::size_t i = 0; i < std::min(size, keep); ++i) {
+        ASSERT_EQ(sorted[i], expected[i]) << size << " values, " << keep << " kept, place " << i;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace kdray
