@@ -46,6 +46,7 @@ Triangle2 EarCutter::TriangleAt(std::uint32_t i) const {
 }
 
 void EarCutter::Begin(std::span<const Point2> path, bool force) {
+  has_endless_parts_ = false;
   over_edges_ = force;
   edge_steps_end_ = meter_->spent() + kEdgeSteps + kEdgeStepsPerCorner * path.size();
   const auto n = static_cast<std::uint32_t>(path.size());
@@ -244,8 +245,13 @@ bool EarCutter::RunsInside(std::uint32_t ear, std::uint32_t other) {
   if (!same && !opposite) return false;
   // Seen from b, the inside lies to the right of the way to a and to the left of the way to c. One
   // comparison decides, unless the two parts turn back into each other at its end.
+  // Parts that never part are those of a path that is not weakly simple, as one that goes around
+  // many times; to follow them for every pair would take long.
+  if (has_endless_parts_) return false;
   if (const int side = Compare(ear, false, other, opposite); side != 0) return side < 0;
-  return Compare(ear, true, other, same) > 0;
+  const int side = Compare(ear, true, other, same);
+  has_endless_parts_ = side == 0;
+  return side > 0;
 }
 
 // Two ways through the ring, forward or backward, that leave one point in the same direction: +1

@@ -100,7 +100,9 @@ class EarCutter {
   IndexSet untested_;                        // left turns whose ear is to be tested
   IndexSet touched_;                         // left turns with a corner on the diagonal only
   IndexSet straight_;
-  bool over_edges_ = false;              // whether edges are looked at, not only corners
+  bool has_endless_parts_ =
+      false;                 // whether two parts were found that run along each other for ever
+  bool over_edges_ = false;  // whether edges are looked at, not only corners
   std::uint64_t edge_steps_end_ = 0;     // when that ends
   bool ranked_ = false;                  // whether ranks_ was filled
   std::vector<std::uint32_t> unranked_;  // corners to be ranked again

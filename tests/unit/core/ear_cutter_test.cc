@@ -275,6 +275,15 @@ TEST(EarCutter, EndsWithPathsThatCrossThemselvesEverywhere) {
   }
 }
 
+TEST(EarCutter, TakesFewStepsForAPathThatGoesAroundManyTimes) {
+  Path path;
+  for (int i = 0; i < 250; ++i) path.insert(path.end(), {{0, 0}, {1, 0}, {1, 1}, {0, 1}});
+  const CutPath cut = Cut(path);
+  EXPECT_EQ(cut.triangles.size(), path.size() - 2);
+  EXPECT_EQ(cut.area, 250 * 2);
+  EXPECT_LT(cut.steps, 30000 * path.size());
+}
+
 TEST(EarCutter, StopsWhenItsMeterSaysSo) {
   const Path path = Polar(5000, [](int i) { return i % 2 == 0 ? 1 : 0.9; });
   CutMeter meter({});
