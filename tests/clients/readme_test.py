@@ -194,9 +194,10 @@ class PictureTest(unittest.TestCase):
         committed = (ROOT / "docs/bunny-kdtree.png").read_bytes()
         if picture == committed:
             return
-        # The compression belongs to a library; the pixels are the same on every machine.
+        # The compression belongs to a library. The pixels are the same on every machine; one in a thousand may change with the
+        # last bits of vertices, as when `auto` picks another precision. Other cuts of the tree change one in ten.
         rendered, expected = decode_png(picture), decode_png(committed)
-        if rendered.shape == expected.shape and (rendered == expected).all():
+        if rendered.shape == expected.shape and (rendered != expected).any(-1).mean() <= 0.001:
             return
         kept = Path(tempfile.gettempdir()) / "kdray-bunny-kdtree.png"
         kept.write_bytes(picture)
