@@ -15,6 +15,14 @@ constexpr int kRetryAfterSeconds = 1;
 /// A client's departure sets a flag and wakes nobody here; waiters look at it this often.
 constexpr std::chrono::milliseconds kLook{50};
 
+Problem StoppedWaiting(const core::CancelToken& cancel) {
+  if (cancel.Reason() == core::ErrorCode::kCancelled) {
+    return {.code = ErrorCode::kDraining, .detail = "the server is shutting down"};
+  }
+  return {.code = ErrorCode::kDeadlineExceeded,
+          .detail = "the request's turn did not come in time"};
+}
+
 }  // namespace
 
 api::Outcome<Admission::Turn> Admission::Enter(const core::CancelToken& cancel) {
@@ -32,8 +40,7 @@ api::Outcome<Admission::Turn> Admission::Enter(const core::CancelToken& cancel) 
       if (cancel.ShouldStop()) {
         queue_.erase(place);
         changed_.notify_all();
-        return Problem{.code = ErrorCode::kDeadlineExceeded,
-                       .detail = "the request's turn did not come in time"};
+        return StoppedWaiting(cancel);
       }
       changed_.wait_until(lock, std::min(cancel.deadline(), Clock::now() + kLook));
     }

@@ -40,8 +40,9 @@ class Admission {
     double waited_ms_;
   };
 
-  /// Waits for a turn. overloaded at once when the queue is full; deadline_exceeded when `cancel`
-  /// says so first.
+  /// Waits for a turn. overloaded at once when the queue is full; deadline_exceeded when the
+  /// deadline of `cancel` comes first; draining when it is cancelled, which a client that has left
+  /// does not read.
   api::Outcome<Turn> Enter(const core::CancelToken& cancel);
 
   std::size_t running() const;

@@ -313,7 +313,7 @@ class RealEngine final : public CoreEngine {
       const core::Result<core::TreeInfo> info = library_->Find(*tree_id);
       if (info.ok() && !info->ready()) {
         problem.code = api::ErrorCode::kTreeBuilding;
-        problem.detail = "the tree was not built within deadline_ms";
+        problem.detail = "the tree was not built in time";
         problem.retry_after_s = kRetryBuildingSeconds;
       }
     }

@@ -55,7 +55,8 @@ api::ErrorCode CodeOf(core::ErrorCode code, api::ErrorCode not_found) {
     case core::ErrorCode::kNotFound:
       return not_found;
     case core::ErrorCode::kCancelled:
-      // Somebody whose client has gone reads no answer, so this is the daemon's own stop.
+      // The daemon's own stop, or its client has left: then nobody reads the answer, and the
+      // request is recorded as what it is (exchange.h).
       return api::ErrorCode::kDraining;
     case core::ErrorCode::kDeadlineExceeded:
       return api::ErrorCode::kDeadlineExceeded;

@@ -91,6 +91,12 @@ HttpResponse Service::Handle(const HttpRequest& request) {
   const RouteMatch match = FindRoute(options_.routes, request.method, request.path);
   auto answer = Answer(request, match, timing);
   HttpResponse response = answer ? *std::move(answer) : ProblemAnswer(answer.problem(), request_id);
+  if (!answer && answer.problem().code == ErrorCode::kDraining && !draining_) {
+    // Work was cancelled, and this server goes on. No client is told to come back later for that.
+    response = ProblemAnswer(
+        {.code = ErrorCode::kInternal, .detail = "the request could not be finished"}, request_id);
+    response.cause = "the work was cancelled, and neither client nor server ends";
+  }
   if (!answer && answer.problem().code == ErrorCode::kMethodNotAllowed) {
     response.headers.Add("Allow", Allow(*match.route));
   }
@@ -140,6 +146,7 @@ HttpResponse Service::Refuse(const HttpRequest& request, const Problem& problem)
 }
 
 void Service::Answered(const HttpRecord& record) noexcept {
+  if (record.status == kClientGone) ++clients_gone_;
   const LogLevel level = record.status < 500    ? LogLevel::kInfo
                          : record.status == 503 ? LogLevel::kWarning
                                                 : LogLevel::kError;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -37,6 +38,9 @@ class Service final : public HttpHandler {
   HttpResponse Refuse(const HttpRequest& request, const api::Problem& problem) override;
   void Answered(const HttpRecord& record) noexcept override;
 
+  /// Requests whose client left before there was an answer.
+  std::uint64_t clients_gone() const { return clients_gone_; }
+
   /// From now on only open routes are answered, everything else is refused with `draining`.
   void Drain() { draining_ = true; }
 
@@ -51,6 +55,7 @@ class Service final : public HttpHandler {
   const ServiceOptions options_;
   const Log& log_;
   std::atomic<bool> draining_{false};
+  std::atomic<std::uint64_t> clients_gone_{0};
   Admission admission_;
   RequestMemory memory_;
   const Services services_;

@@ -12,7 +12,7 @@ namespace kdray::server {
 namespace {
 
 /// Cells have no deadline_ms of their own; theirs is the default of the queries.
-constexpr std::int64_t kDeadlineMs = 30000;
+constexpr TimeLimit kTimeLimit{.ms = 30000, .default_ms = 30000, .parameter = {}};
 
 }  // namespace
 
@@ -23,12 +23,12 @@ api::Outcome<HttpResponse> GetCells(const Services& services, Call& call) {
   const std::string etag = MakeEtag("cells", call.name, api::CanonicalQuery(*request));
   if (ClientHas(call.request, etag)) return NotModified(services, etag, Caching::kHour);
 
-  const auto work = BeginWork(services, call, kDeadlineMs);
+  const auto work = BeginWork(services, call, kTimeLimit);
   if (!work) return work.problem();
   const Stopwatch tracing;
   const auto cells =
       services.engine.Cells(call.name, static_cast<std::uint32_t>(request->depth), work->cancel);
-  if (!cells) return cells.problem();
+  if (!cells) return kTimeLimit.Explain(cells.problem());
   call.timing.trace_ms = tracing.ms();
 
   const Stopwatch encoding;

@@ -27,7 +27,10 @@ api::Outcome<HttpResponse> AnswerBatch(const Services& services, Call& call,
   const auto answer_type = api::ChooseAnswerType(headers.Find("Accept"), *type);
   if (!answer_type) return answer_type.problem();
 
-  const auto work = BeginWork(services, call, options.deadline_ms);
+  const TimeLimit limit{.ms = options.deadline_ms,
+                        .default_ms = api::RayOptions().deadline_ms,
+                        .parameter = "deadline_ms"};
+  const auto work = BeginWork(services, call, limit);
   if (!work) return work.problem();
   const Stopwatch parsing;
   const auto rays = api::DecodeRays(body->text, *type, options, services.limits);
@@ -36,7 +39,7 @@ api::Outcome<HttpResponse> AnswerBatch(const Services& services, Call& call,
   call.timing.parse_ms = parsing.ms();
 
   const auto answer = trace(*rays, work->cancel);
-  if (!answer) return answer.problem();
+  if (!answer) return limit.Explain(answer.problem());
   call.timing.trace_ms = answer->trace_ms;
 
   const Stopwatch encoding;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -44,10 +45,13 @@ api::Outcome<HttpResponse> AnswerRender(const Services& services, Call& call,
       kMemoryPerPixel + (request.budget_ms ? kMemoryPerRefinedPixel : 0);
   const auto memory = services.memory.Take(Pixels(request) * per_pixel);
   if (!memory) return memory.problem();
-  const auto work = BeginWork(services, call, request.deadline_ms);
+  const TimeLimit limit{.ms = request.deadline_ms,
+                        .default_ms = api::RenderRequest().deadline_ms,
+                        .parameter = "deadline_ms"};
+  const auto work = BeginWork(services, call, limit);
   if (!work) return work.problem();
   auto answer = services.engine.Render(call.name, request, form == ImageForm::kPng, work->cancel);
-  if (!answer) return std::move(answer).problem();
+  if (!answer) return limit.Explain(std::move(answer).problem());
   call.timing.trace_ms = answer->trace_ms;
 
   const Stopwatch encoding;

@@ -20,8 +20,24 @@ api::Check CheckTree(const Services& services, std::string_view id) {
   return std::nullopt;
 }
 
-api::Outcome<Work> BeginWork(const Services& services, Call& call, std::int64_t deadline_ms) {
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::milliseconds(deadline_ms);
+Problem TimeLimit::Explain(Problem problem) const {
+  if (problem.code != ErrorCode::kDeadlineExceeded && problem.code != ErrorCode::kTreeBuilding) {
+    return problem;
+  }
+  const std::string value = std::to_string(ms);
+  problem.limit = static_cast<double>(ms);
+  if (parameter.empty()) {
+    problem.detail += ": this request may take " + value + " ms";
+    return problem;
+  }
+  problem.parameter = parameter;
+  problem.detail += ": " + std::string(parameter) + " is " + value;
+  if (ms == default_ms) problem.detail += ", the default";
+  return problem;
+}
+
+api::Outcome<Work> BeginWork(const Services& services, Call& call, const TimeLimit& limit) {
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::milliseconds(limit.ms);
   auto cancel = CancelToken::WithDeadline(deadline);
   auto watch = call.request.peer->CancelWhenGone(cancel);
 
@@ -29,14 +45,14 @@ api::Outcome<Work> BeginWork(const Services& services, Call& call, std::int64_t 
   const auto tree = services.engine.WaitUntilBuilt(call.name, deadline, cancel);
   if (!tree) return tree.problem();
   if (!tree->ready) {
-    return Problem{.code = ErrorCode::kTreeBuilding,
-                   .detail = "the tree was not built within deadline_ms; " +
-                             std::to_string(static_cast<int>(tree->progress * 100)) +
-                             " percent of the work is done",
-                   .retry_after_s = kBuildingRetryAfterSeconds};
+    return limit.Explain({.code = ErrorCode::kTreeBuilding,
+                          .detail = "the tree was not built in time, " +
+                                    std::to_string(static_cast<int>(tree->progress * 100)) +
+                                    " percent of the work is done",
+                          .retry_after_s = kBuildingRetryAfterSeconds});
   }
   auto turn = services.admission.Enter(cancel);
-  if (!turn) return std::move(turn).problem();
+  if (!turn) return limit.Explain(std::move(turn).problem());
   call.timing.queue_ms = turn->waited_ms();
   return Work{std::move(cancel), std::move(watch), *std::move(turn)};
 }

@@ -13,6 +13,17 @@ namespace kdray::server {
 /// Before a body is read: tree_not_found, or the problem of a build that failed.
 api::Check CheckTree(const Services& services, std::string_view id);
 
+/// The longest that the work for a request may take.
+struct TimeLimit {
+  std::int64_t ms = 0;
+  std::int64_t default_ms = 0;
+  std::string_view parameter;  ///< empty when no parameter changes the limit
+
+  /// Completes a problem of time that has passed (deadline_exceeded, tree_building) with the
+  /// parameter and its value; others stay as they are.
+  api::Problem Explain(api::Problem problem) const;
+};
+
 /// What must live while the engine works for a request.
 struct Work {
   CancelToken cancel;           ///< the deadline, and the client's departure
@@ -20,9 +31,8 @@ struct Work {
   Admission::Turn turn;
 };
 
-/// Waits until the tree is built (tree_building when the deadline comes first), then for a turn.
-/// `deadline_ms` counts from here, where the request is complete: a slow connection does not use it
-/// up.
-api::Outcome<Work> BeginWork(const Services& services, Call& call, std::int64_t deadline_ms);
+/// Waits until the tree is built (tree_building when the limit comes first), then for a turn. The
+/// time counts from here, where the request is complete: a slow connection does not use it up.
+api::Outcome<Work> BeginWork(const Services& services, Call& call, const TimeLimit& limit);
 
 }  // namespace kdray::server

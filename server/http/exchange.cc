@@ -60,6 +60,7 @@ void Exchange::Answer(HttpHandler& handler) {
   if (gone_) {
     response_.status = kClientGone;
     response_.error_code = "client_gone";
+    response_.cause.clear();
     response_.body = HttpBody();
   }
   // After an error nothing more is believed of the connection; unread bytes of a body are not the

@@ -6,11 +6,13 @@
 #include <signal.h>
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "tests/support/mesh_files.h"
@@ -185,6 +187,39 @@ TEST_F(DaemonProcess, LogsOneJsonObjectALine) {
     EXPECT_GT(object.at("bytes_out"), 0);
   }
   EXPECT_TRUE(found);
+}
+
+TEST_F(DaemonProcess, LogsAClientThatLeavesAsThat) {
+  Daemon daemon(Options());
+  const int port = PortOf(daemon);
+  const std::string mesh = test::ObjText(test::BumpySphere({0, 0, 0}, 1, 40, 80, 0.3));
+  const std::string id =
+      json::parse(MustAnswer(port, MakeRequest("POST", "/v1/trees", mesh)).body).at("id");
+  for (const bool reset : {false, true}) {
+    RawClient client(port);
+    client.Send(MakeRequest("GET",
+                            "/v1/trees/" + id + "/render.png?width=2000&height=2000&samples=64", "",
+                            "X-Request-Id: gone-" + std::to_string(reset) + "\r\n"));
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    reset ? client.Reset() : client.Close();
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(250));
+  daemon.Signal(SIGTERM);
+  EXPECT_EQ(daemon.WaitForExit(std::chrono::seconds(2)), 0);
+  int found = 0;
+  std::istringstream lines(daemon.errors());
+  for (std::string line; std::getline(lines, line);) {
+    const json object = json::parse(line);
+    EXPECT_NE(object.at("level"), "error") << line;
+    if (object.value("request_id", "").find("gone-") != 0) continue;
+    ++found;
+    EXPECT_EQ(object.at("status"), 499) << line;
+    EXPECT_EQ(object.at("code"), "client_gone") << line;
+    EXPECT_EQ(object.at("level"), "info") << line;
+    EXPECT_EQ(object.at("complete"), false) << line;
+    EXPECT_LT(object.at("ms"), 600) << line;
+  }
+  EXPECT_EQ(found, 2);
 }
 
 TEST_F(DaemonProcess, FinishesWhatIsUnderWayWhenItIsTold) {

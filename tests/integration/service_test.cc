@@ -533,6 +533,96 @@ TEST_F(ServiceOverHttp, EndsAQueryAtItsDeadline) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, 5s);
 }
 
+TEST_F(ServiceOverHttp, SaysWhichTimeHasPassed) {
+  const std::string building = "/v1/trees/" + running_.Upload("building", "?wait_ms=0");
+  engine_.hold = true;
+  const std::string json_render = R"({"deadline_ms":34})";
+  const auto expect = [](const RawAnswer& answer, const std::string& code,
+                         const std::string& parameter, double limit, const std::string& text) {
+    const json problem = Json(answer);
+    EXPECT_EQ(problem.at("code"), code);
+    EXPECT_EQ(problem.value("parameter", ""), parameter) << problem;
+    EXPECT_EQ(problem.at("limit"), limit) << problem;
+    EXPECT_THAT(problem.at("detail").get<std::string>(), HasSubstr(text));
+  };
+  const std::string late = "deadline_exceeded";
+  expect(running_.Ask("POST", Tree("/rays/closest?deadline_ms=31"), kRays), late, "deadline_ms", 31,
+         "deadline_ms is 31");
+  expect(running_.Ask("POST", Tree("/rays/any?deadline_ms=32"), kRays), late, "deadline_ms", 32,
+         "deadline_ms is 32");
+  expect(running_.Ask("GET", Tree("/render.npy?mode=depth&deadline_ms=33")), late, "deadline_ms",
+         33, "deadline_ms is 33");
+  expect(running_.Ask("POST", Tree("/render.png"), json_render), late, "/deadline_ms", 34,
+         "deadline_ms is 34");
+  expect(running_.Ask("POST", building + "/rays/any?deadline_ms=35", kRays), "tree_building",
+         "deadline_ms", 35, "deadline_ms is 35");
+  expect(running_.Ask("GET", building + "/render.png?deadline_ms=36"), "tree_building",
+         "deadline_ms", 36, "deadline_ms is 36");
+  // What was not sent is told as well.
+  engine_.query_problem = api::Problem{.code = api::ErrorCode::kDeadlineExceeded, .detail = "late"};
+  expect(running_.Ask("POST", Tree("/rays/any"), kRays), late, "deadline_ms", 30000,
+         "deadline_ms is 30000, the default");
+  expect(running_.Ask("GET", Tree("/render.png")), late, "deadline_ms", 60000,
+         "deadline_ms is 60000, the default");
+  expect(running_.Ask("GET", Tree("/cells?depth=1")), late, "", 30000, "30000 ms");
+}
+
+TEST_F(SmallService, SaysWhichTimeHasPassedInTheQueue) {
+  engine_.hold = true;
+  RawClient running(running_.port());
+  running.Send(MakeRequest("GET", Tree("/cells?depth=1")));
+  WaitFor([&] { return engine_.running == 1; });
+  const RawAnswer late = running_.Ask("GET", Tree("/render.png?width=1&height=1&deadline_ms=37"));
+  EXPECT_EQ(RunningService::CodeOf(late), "deadline_exceeded");
+  EXPECT_EQ(Json(late).at("parameter"), "deadline_ms");
+  EXPECT_EQ(Json(late).at("limit"), 37);
+  EXPECT_THAT(Json(late).at("detail").get<std::string>(),
+              testing::AllOf(HasSubstr("turn"), HasSubstr("deadline_ms is 37")));
+}
+
+TEST_F(ServiceOverHttp, TellsThatAClientHasLeftFromWhatFailed) {
+  const std::string building = running_.Upload("building", "?wait_ms=0");
+  engine_.hold = true;
+  const std::string tree = "/v1/trees/" + building;
+  const std::vector<std::string> requests = {
+      MakeRequest("POST", "/v1/trees?wait_ms=20000", "building"),
+      MakeRequest("GET", tree + "?wait_ms=20000"),
+      MakeRequest("POST", tree + "/rays/any", kRays),
+      MakeRequest("GET", tree + "/render.png"),
+      MakeRequest("POST", Tree("/rays/closest"), kRays),
+      MakeRequest("GET", Tree("/render.npy?mode=depth")),
+      MakeRequest("GET", Tree("/cells?depth=1")),
+  };
+  std::uint64_t gone = 0;
+  for (const std::string& request : requests) {
+    for (const bool reset : {false, true}) {
+      RawClient client(running_.port());
+      client.Send(request);
+      std::this_thread::sleep_for(10ms);
+      reset ? client.Reset() : client.Close();
+      ++gone;
+      WaitFor([&] { return running_.service().clients_gone() == gone; });
+    }
+  }
+}
+
+TEST_F(ServiceOverHttp, AnswersAClientThatHalfClosesWhateverItAsksFor) {
+  const std::string building = running_.Upload("building", "?wait_ms=0");
+  engine_.hold = true;
+  for (const std::string& request :
+       {MakeRequest("GET", "/v1/trees/" + building + "?wait_ms=100"),
+        MakeRequest("POST", Tree("/rays/any"), kRays), MakeRequest("GET", Tree("/render.png")),
+        MakeRequest("GET", Tree("/cells?depth=1"))}) {
+    RawClient client(running_.port());
+    client.Send(request);
+    client.ShutdownWrite();
+    std::this_thread::sleep_for(50ms);
+    engine_.hold = false;
+    EXPECT_THAT(client.ReadToEnd(), StartsWith("HTTP/1.1 200 OK\r\n"));
+    engine_.hold = true;
+  }
+}
+
 TEST_F(ServiceOverHttp, StopsWorkWhoseClientHasLeft) {
   engine_.hold = true;
   for (const std::string& request :

@@ -35,6 +35,8 @@ class StubEngine final : public server::Engine {
   std::atomic<bool> was_shut_down{false};
   /// What the next uploads are refused with.
   std::optional<api::Problem> upload_problem;
+  /// What queries are refused with.
+  std::optional<api::Problem> query_problem;
 
   api::Outcome<std::unique_ptr<server::MeshUpload>> BeginUpload(std::uint64_t) override {
     if (upload_problem) return *upload_problem;
@@ -262,6 +264,7 @@ class StubEngine final : public server::Engine {
 
   /// Spends the time of a query.
   api::Check Work(const server::CancelToken& cancel) {
+    if (query_problem) return *query_problem;
     const int now = ++running;
     for (int most = most_running; most < now && !most_running.compare_exchange_weak(most, now);) {
     }
@@ -269,7 +272,10 @@ class StubEngine final : public server::Engine {
     --running;
     if (!cancel.ShouldStop()) return std::nullopt;
     ++cancelled;
-    return api::Problem{.code = api::ErrorCode::kDeadlineExceeded, .detail = "out of time"};
+    return api::Problem{.code = cancel.Reason() == core::ErrorCode::kCancelled
+                                    ? api::ErrorCode::kDraining
+                                    : api::ErrorCode::kDeadlineExceeded,
+                        .detail = "out of time"};
   }
 
   /// Distance to z = 0 along each ray (negative: none), and whether the ray is one.

@@ -87,7 +87,11 @@ TEST(Admission, EndsTheWaitOfAClientThatLeaves) {
   Admission admission(1, 1);
   const auto turn = admission.Enter({});
   const auto cancel = CancelToken::Cancellable();
-  std::jthread thread([&] { EXPECT_FALSE(admission.Enter(cancel).ok()); });
+  std::jthread thread([&] {
+    const auto left = admission.Enter(cancel);
+    ASSERT_FALSE(left.ok());
+    EXPECT_EQ(left.problem().code, ErrorCode::kDraining);  // its time has not passed
+  });
   WaitFor([&] { return admission.queued() == 1; });
   cancel.Cancel();
   const auto start = Clock::now();

@@ -206,6 +206,24 @@ TEST_F(ServiceTest, AnswersOnlyOpenPathsWhileItDrains) {
   }
 }
 
+TEST_F(ServiceTest, SaysThatItDrainsOnlyWhenItDoes) {
+  const std::string path = "/v1/trees/" + Upload("mesh") + "/cells?depth=1";
+  engine_.query_problem = api::Problem{.code = api::ErrorCode::kDraining, .detail = "cancelled"};
+  const HttpResponse response = Ask("GET", path);
+  EXPECT_EQ(response.status, 500);
+  EXPECT_EQ(Code(response), "internal");
+  EXPECT_THAT(response.cause, testing::HasSubstr("cancelled"));
+}
+
+TEST_F(ServiceTest, CountsTheClientsThatLeft) {
+  HttpRecord record;
+  for (const int status : {200, kClientGone, 503, 504, kClientGone}) {
+    record.status = status;
+    service_.Answered(record);
+  }
+  EXPECT_EQ(service_.clients_gone(), 2U);
+}
+
 TEST_F(ServiceWithTokens, WantsATokenEverywhereButOnOpenPaths) {
   for (const Route& route : Routes()) {
     for (const char* method : {"GET", "POST", "DELETE", "OPTIONS"}) {
