@@ -23,6 +23,7 @@ libcli11-dev
 libcpp-httplib-dev
 libdeflate-dev
 libgmp-dev
+libspdlog-dev
 libssl-dev
 libstb-dev
 libtbb-dev
@@ -46,8 +47,8 @@ python3-numpy
 END
     run)
       case $(release) in
-        12) echo libcpp-httplib0.11 libssl3 ;;
-        *) echo libcpp-httplib0.18 libssl3t64 ;;
+        12) echo libcpp-httplib0.11 libspdlog1.10 libssl3 ;;
+        *) echo libcpp-httplib0.18 libspdlog1.15 libssl3t64 ;;
       esac | tr ' ' '\n'
       cat <<'END'
 libdeflate0

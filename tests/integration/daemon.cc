@@ -71,7 +71,19 @@ std::string Daemon::output() {
   return out_text_;
 }
 
+void Daemon::StopReadingErrors() {
+  errors();
+  fcntl(err_, F_SETPIPE_SZ, 4096);
+  reads_errors_ = false;
+}
+
+void Daemon::CloseErrors() {
+  close(err_);
+  err_ = -1;
+}
+
 std::string Daemon::errors() {
+  reads_errors_ = true;
   Drain(err_, err_text_);
   return err_text_;
 }
@@ -80,7 +92,7 @@ std::optional<int> Daemon::WaitForPort(std::chrono::seconds timeout) {
   const auto deadline = Clock::now() + timeout;
   while (Clock::now() < deadline) {
     const std::string text = output();
-    errors();  // a full pipe would stop it
+    Drain(err_, err_text_);
     if (const auto end = text.find('\n'); end != std::string::npos) {
       const auto colon = text.rfind(':', end);
       return std::atoi(text.c_str() + colon + 1);
@@ -97,7 +109,7 @@ int Daemon::WaitForExit(std::chrono::seconds timeout) {
   const auto deadline = Clock::now() + timeout;
   while (!exit_code_) {
     int status = 0;
-    errors();
+    if (reads_errors_) Drain(err_, err_text_);
     if (waitpid(pid_, &status, WNOHANG) == pid_) {
       exit_code_ = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
     } else if (Clock::now() >= deadline) {

@@ -23,6 +23,10 @@ class Daemon {
   /// instead.
   std::optional<int> WaitForPort(std::chrono::seconds timeout = std::chrono::seconds(60));
   void Signal(int signal);
+  /// Leaves what it logs unread, in a pipe as small as can be, until errors() is asked for again.
+  void StopReadingErrors();
+  /// The reader of its log goes.
+  void CloseErrors();
   /// Its exit code, or -1 when a signal ended it, or -2 when it did not end in time.
   int WaitForExit(std::chrono::seconds timeout = std::chrono::seconds(60));
   /// Everything that it wrote so far.
@@ -34,6 +38,7 @@ class Daemon {
 
   pid_t pid_ = -1;
   int out_ = -1, err_ = -1;
+  bool reads_errors_ = true;
   std::string out_text_, err_text_;
   std::optional<int> exit_code_;
 };

@@ -189,6 +189,72 @@ TEST_F(DaemonProcess, LogsOneJsonObjectALine) {
   EXPECT_TRUE(found);
 }
 
+TEST_F(DaemonProcess, AnswersAndEndsWhileNobodyReadsItsLog) {
+  constexpr int kRequests = 6000;
+  Daemon daemon(Options());
+  const int port = PortOf(daemon);
+  daemon.StopReadingErrors();
+  const auto start = std::chrono::steady_clock::now();
+  RawClient client(port);
+  for (int i = 0; i < kRequests; ++i) {
+    client.Send(MakeRequest("GET", "/healthz", "", "X-Request-Id: " + std::to_string(i) + "\r\n"));
+    const auto answer = client.Read(std::chrono::seconds(5));
+    ASSERT_TRUE(answer) << i;
+    ASSERT_EQ(answer->status, 200);
+  }
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
+  daemon.Signal(SIGTERM);
+  EXPECT_EQ(daemon.WaitForExit(std::chrono::seconds(3)), 0);
+}
+
+TEST_F(DaemonProcess, GoesOnLoggingWhenItsLogIsReadAgain) {
+  Daemon daemon(Options());
+  const int port = PortOf(daemon);
+  daemon.StopReadingErrors();
+  RawClient client(port);
+  int asked = 0;
+  const auto ask = [&] {
+    client.Send(
+        MakeRequest("GET", "/healthz", "", "X-Request-Id: " + std::to_string(asked++) + "\r\n"));
+    ASSERT_TRUE(client.Read());
+  };
+  while (asked < 6000) ask();
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+  while (daemon.errors().find("log_dropped") == std::string::npos) {
+    ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+    ask();
+  }
+  daemon.Signal(SIGTERM);
+  EXPECT_EQ(daemon.WaitForExit(std::chrono::seconds(3)), 0);
+  int next = 0, dropped = 0;
+  std::istringstream lines(daemon.errors());
+  json object;
+  for (std::string line; std::getline(lines, line);) {
+    object = json::parse(line, nullptr, false);
+    ASSERT_FALSE(object.is_discarded()) << line;
+    if (object.at("event") == "log_dropped") {
+      dropped += object.at("lines").get<int>();
+      next += object.at("lines").get<int>();
+    } else if (object.at("event") == "request") {
+      EXPECT_EQ(object.at("request_id"), std::to_string(next++));
+    }
+  }
+  EXPECT_EQ(next, asked);
+  EXPECT_GT(dropped, 0);
+  EXPECT_EQ(object.at("event"), "stopped");
+}
+
+TEST_F(DaemonProcess, OutlivesTheReaderOfItsLog) {
+  Daemon daemon(Options());
+  const int port = PortOf(daemon);
+  daemon.CloseErrors();
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_EQ(MustAnswer(port, MakeRequest("GET", "/healthz")).status, 200);
+  }
+  daemon.Signal(SIGTERM);
+  EXPECT_EQ(daemon.WaitForExit(std::chrono::seconds(3)), 0);
+}
+
 TEST_F(DaemonProcess, LogsAClientThatLeavesAsThat) {
   Daemon daemon(Options());
   const int port = PortOf(daemon);
