@@ -106,6 +106,9 @@ Outcome<BatchType> DetectBatchType(std::string_view body,
   // One byte is enough, for 0x93 begins no JSON: a file that is cut short then gets the right
   // refusal.
   if (!body.empty() && body.front() == kNpyMagic.front()) return BatchType::kNpy;
+  // Archives and compressed data are no JSON either, whatever they are called; the reader of .npy
+  // says what they are.
+  if (body.starts_with("PK\x03\x04") || body.starts_with("\x1f\x8b")) return BatchType::kNpy;
   if (named != kNpyType) return BatchType::kJson;
   const std::size_t first = body.find_first_not_of(" \t\r\n");
   const bool is_object = first != std::string_view::npos && body[first] == '{';

@@ -14,10 +14,11 @@ enum class BatchType : std::uint8_t { kJson, kNpy };
 /// "application/json" or "application/x-npy".
 std::string_view ContentType(BatchType type);
 
-/// Tells the form of a batch by its first bytes; what Content-Type says (nullopt or empty: nothing)
-/// only decides for bytes that are neither. unsupported_media_type when Content-Type names
-/// something else than these two; application/octet-stream and application/x-www-form-urlencoded
-/// (curl's defaults) name nothing.
+/// Tells the form of a batch by its first bytes (those of ZIP, which an .npz file is, and of gzip
+/// count as .npy, whose reader says what to send instead); what Content-Type says (nullopt or
+/// empty: nothing) only decides for bytes that are neither. unsupported_media_type when
+/// Content-Type names something else than these two; application/octet-stream and
+/// application/x-www-form-urlencoded (curl's defaults) name nothing.
 Outcome<BatchType> DetectBatchType(std::string_view body,
                                    std::optional<std::string_view> content_type);
 

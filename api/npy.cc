@@ -173,11 +173,21 @@ std::optional<std::uint64_t> TotalBytes(const NpyArray& array) {
   return empty ? 0 : bytes;
 }
 
+/// What the body is instead, where that can be told.
+std::string WhyNotNpy(std::string_view bytes) {
+  if (bytes.starts_with("PK\x03\x04")) {
+    return "the body is a ZIP archive, perhaps an .npz file; send one array as an .npy file "
+           "(numpy.save, not numpy.savez)";
+  }
+  if (bytes.starts_with("\x1f\x8b")) return "the body is gzip data; send the .npy file itself";
+  return "the body does not begin as a .npy file does (\\x93NUMPY)";
+}
+
 }  // namespace
 
 Outcome<NpyArray> ReadNpy(std::string_view bytes) {
   if (!bytes.starts_with(kNpyMagic)) {
-    return InvalidArray("the body does not begin as a .npy file does (\\x93NUMPY)");
+    return InvalidArray(WhyNotNpy(bytes));
   }
   const auto byte = [&](std::size_t i) {
     return static_cast<std::size_t>(static_cast<unsigned char>(bytes[i]));

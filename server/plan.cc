@@ -58,7 +58,13 @@ std::string DescribeVertices(const core::MeshFacts& mesh) {
     text += " around the local origin (" + Shortest(o.x) + ", " + Shortest(o.y) + ", " +
             Shortest(o.z) + ")";
   }
-  return text + ". ";
+  text += ". ";
+  if (mesh.wider_than_declared) {
+    text +=
+        "The file calls its coordinates floats, but writes numbers with more digits than floats "
+        "have; they are read as doubles. ";
+  }
+  return text;
 }
 
 std::string DescribePrecision(const core::MeshFacts& mesh) {

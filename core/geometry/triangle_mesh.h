@@ -41,6 +41,9 @@ struct MeshData {
       0;  ///< polygons that a fan from the first corner would not have cut properly
   bool single_precision =
       false;  ///< the file's coordinates are 32-bit floats (binary STL, PLY float)
+  /// The file calls coordinates 32-bit floats, but writes numbers that no float prints (ascii PLY);
+  /// they are kept as doubles.
+  bool wider_than_declared = false;
 };
 
 /// The mesh's own frame: local = (world - origin) * 2^-exponent, exact for every vertex that

@@ -4,21 +4,21 @@ namespace kdray::core {
 
 namespace {
 
-bool IsOfTheFile(const Error& error) {
+bool HasPlace(const Error& error) {
   return error.code != ErrorCode::kCancelled && error.code != ErrorCode::kDeadlineExceeded;
 }
 
 }  // namespace
 
 Error AtLine(std::uint64_t line, Error error) {
-  if (!IsOfTheFile(error)) return error;
+  if (!HasPlace(error)) return error;
   error.message = "line " + std::to_string(line) + ": " + error.message;
   error.line = line;
   return error;
 }
 
 Error AtByte(std::uint64_t byte, Error error) {
-  if (!IsOfTheFile(error)) return error;
+  if (!HasPlace(error)) return error;
   error.message = "byte " + std::to_string(byte) + ": " + error.message;
   error.byte = byte;
   return error;
@@ -30,6 +30,10 @@ Error AtLine(std::uint64_t line, std::string_view cause) {
 
 Error AtByte(std::uint64_t byte, std::string_view cause) {
   return AtByte(byte, Error{ErrorCode::kInvalidMesh, std::string(cause)});
+}
+
+bool IsOfTheFile(const Error& error) {
+  return error.code == ErrorCode::kInvalidMesh || error.code == ErrorCode::kEmptyMesh;
 }
 
 std::string Quoted(std::string_view piece) {

@@ -19,6 +19,10 @@ Error AtByte(std::uint64_t byte, std::string_view cause);
 Error AtLine(std::uint64_t line, Error error);
 Error AtByte(std::uint64_t byte, Error error);
 
+/// Whether the file is to blame for the error: it breaks its format's rules or has no triangle. A
+/// reader may then try another reading of the same bytes.
+bool IsOfTheFile(const Error& error);
+
 /// A piece of the file for a message: in quotes, cut after 40 bytes, with \xNN for every byte that
 /// is not printable ASCII, so that a message is always valid text.
 std::string Quoted(std::string_view piece);

@@ -17,11 +17,13 @@ struct MeshReadOptions {
 /// Parses OBJ, PLY (ascii, both byte orders), STL (ascii, binary) or OFF (ascii), found from the
 /// bytes alone. Polygons with n corners become n - 2 triangles in place: a convex one is fanned
 /// from its first corner, another is cut by ears (core/io/polygon.h). Faces with fewer than three
-/// corners are dropped and counted. Coordinates of text files are read as doubles. Errors:
+/// corners are dropped and counted. Coordinates of text files are read as doubles,
+/// but those that an ascii PLY file calls floats as floats where they are. Errors:
 /// kUnsupportedMeshFormat (no format fits, or a variant that is not read; names the formats there
 /// are), kEmptyMesh, kInvalidMesh with Error::line (text, and the header of PLY) or Error::byte
-/// (binary) and the cause, kMeshTooLarge, kCancelled, kDeadlineExceeded. Of the coordinates only
-/// text and STL are checked to be finite here; TriangleMesh::Create checks those that count.
+/// (binary) and the cause, kMeshTooLarge, kCancelled, kDeadlineExceeded. A coordinate that is not
+/// finite or beyond kMaxCoordinate is kInvalidMesh in a vertex that a triangle uses, and only
+/// there.
 ///
 /// Every count in a file is a claim: memory is taken for what the bytes can hold, at most 2x the
 /// body beyond the result (of a file that is refused: beyond the result of the part before the

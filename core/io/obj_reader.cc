@@ -13,16 +13,29 @@
 #include "core/io/mesh_error.h"
 #include "core/io/parse_text.h"
 #include "core/io/polygon.h"
+#include "core/io/vertex_check.h"
 
 namespace kdray::core {
 namespace {
 
 bool IsFace(std::string_view keyword) { return keyword == "f" || keyword == "fo"; }
 
-// Extensions add keywords, so whatever looks like one is skipped; binary bytes do not.
-bool IsWord(std::string_view keyword) {
+// Extensions add keywords, and programs write remarks of their own ("$ ...", "// ..."). So what
+// begins with anything but a number is skipped. A number would be the rest of a broken line, and a
+// control character is in no text.
+bool MayBeginStatement(std::string_view keyword) {
   const char first = keyword.front();
-  return (first >= 'a' && first <= 'z') || (first >= 'A' && first <= 'Z') || first == '_';
+  const bool number =
+      (first >= '0' && first <= '9') || first == '-' || first == '+' || first == '.';
+  return !number && static_cast<unsigned char>(first) > ' ' && first != '\x7f';
+}
+
+// Statements whose words are names, which may hold anything: a path that ends with a backslash too.
+bool HasNames(std::string_view keyword) {
+  static constexpr std::array<std::string_view, 7> kKeywords = {"usemtl", "mtllib", "o",     "g",
+                                                                "newmtl", "usemap", "maplib"};
+  return std::find(kKeywords.begin(), kKeywords.end(), keyword) != kKeywords.end() ||
+         keyword.starts_with("map_");
 }
 
 // The number before the first slash. What follows, numbers of texture coordinates and normals, must
@@ -46,12 +59,13 @@ std::optional<std::int64_t> ParseCorner(std::string_view word) {
 class ObjReader {
  public:
   ObjReader(std::string_view text, const MeshReadOptions& options)
-      : text_(text), cancel_(options.cancel), cutter_(&data_, options.cancel) {
+      : text_(text), options_(options), cancel_(options.cancel), cutter_(&data_, options.cancel) {
     data_.format = MeshFormat::kObj;
   }
 
   Result<MeshData> Read() {
-    for (const auto pass : {&ObjReader::Count, &ObjReader::ReadVertices, &ObjReader::ReadFaces}) {
+    for (const auto pass : {&ObjReader::Count, &ObjReader::ReadVertices, &ObjReader::ReadFaces,
+                            &ObjReader::CheckVertices}) {
       if (Status status = (this->*pass)(); !status.ok()) return std::move(status).error();
     }
     if (data_.triangles.empty()) {
@@ -68,10 +82,20 @@ class ObjReader {
     while (cursor.FindLineWithWords()) {
       const std::string_view keyword = cursor.NextWord();
       if (Status status = handle(keyword, cursor); !status.ok()) return status;
-      cursor.NextLine();
+      NextStatement(keyword, cursor);
       if (cancel_.Spend(64)) return cancel_.ToError();
     }
     return {};
+  }
+
+  // A backslash joins the next line to this one, but after a name only when that line is not a
+  // statement itself: otherwise a path that ends with a backslash would take a face away.
+  static void NextStatement(std::string_view keyword, TextCursor& cursor) {
+    if (!HasNames(keyword)) return cursor.NextLine();
+    while (cursor.NextPhysicalLine()) {
+      TextCursor ahead = cursor;
+      if (IsObjKeyword(ahead.NextWord())) return;
+    }
   }
 
   Status Count() {
@@ -86,7 +110,7 @@ class ObjReader {
         while (!cursor.NextWord().empty()) ++corners;
         triangles += corners < 3 ? 0 : corners - 2;
         most_corners = std::max(most_corners, corners);
-      } else if (!IsWord(keyword)) {
+      } else if (!MayBeginStatement(keyword)) {
         return AtLine(cursor.line(), Quoted(keyword) + " begins no statement of an OBJ file");
       }
       return {};
@@ -111,10 +135,11 @@ class ObjReader {
       Vec3d vertex;
       for (int axis = 0; axis < 3; ++axis) {
         const std::string_view word = cursor.NextWord();
-        const std::optional<double> number = ParseNumber(word);
+        const std::optional<double> number = ParseCoordinate(word);
         if (!number) return AtLine(cursor.line(), WhyNotNumber(word));
         vertex[axis] = *number;
       }
+      all_valid_ = all_valid_ && IsValidVertex(vertex);
       data_.vertices.push_back(vertex);
       return {};
     });
@@ -143,6 +168,18 @@ class ObjReader {
     });
   }
 
+  Status CheckVertices() {
+    if (all_valid_) return {};
+    const Result<std::optional<std::size_t>> invalid = FindInvalidVertex(data_, options_);
+    if (!invalid.ok()) return invalid.error();
+    if (!*invalid) return {};
+    std::size_t vertices_so_far = 0;
+    return ForEachStatement([&](std::string_view keyword, TextCursor& cursor) -> Status {
+      if (keyword != "v" || vertices_so_far++ != **invalid) return {};
+      return AtLine(cursor.line(), WhyNotVertex(data_, **invalid));
+    });
+  }
+
   std::string WhyNoVertex(std::int64_t number, std::int64_t vertices_so_far) const {
     if (number == 0) return "vertex 0 does not exist; OBJ counts from 1";
     if (number < 0) {
@@ -154,17 +191,19 @@ class ObjReader {
   }
 
   std::string_view text_;
+  const MeshReadOptions& options_;
   CancelPoll cancel_;
   MeshData data_;
   PolygonCutter cutter_;
   std::vector<std::uint32_t> corners_;
+  bool all_valid_ = true;  // the coordinates of all vertices
 };
 
 }  // namespace
 
 Result<MeshData> ReadObj(std::span<const std::byte> bytes, const MeshReadOptions& options) {
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  return ObjReader(SkipByteOrderMark(text), options).Read();
+  return ObjReader(WithoutPadding(SkipByteOrderMark(text)), options).Read();
 }
 
 bool IsObjKeyword(std::string_view word) {

@@ -9,16 +9,20 @@
 
 #include "core/base/cancel_poll.h"
 #include "core/io/claimed_rows.h"
+#include "core/io/foreign_files.h"
+#include "core/io/format_sniffer.h"
 #include "core/io/mesh_error.h"
 #include "core/io/parse_text.h"
 #include "core/io/polygon.h"
+#include "core/io/vertex_check.h"
 
 namespace kdray::core {
 namespace {
 
 struct Keyword {
   bool has_other_dimension = false;
-  std::string_view rest;  // glued to it: "8" of "OFF8"
+  std::uint64_t numbers = 3;  // of a vertex
+  std::string_view rest;      // glued to it: "8" of "OFF8"
 };
 
 std::optional<Keyword> ParseKeyword(std::string_view word) {
@@ -28,13 +32,21 @@ std::optional<Keyword> ParseKeyword(std::string_view word) {
     word.remove_prefix(prefix.size());
     return true;
   };
-  pass("ST");
-  pass("C");
-  pass("N");
-  const bool four = pass("4");
-  const bool any = pass("n");
-  keyword.has_other_dimension = four || any;
-  if (!pass("OFF")) return std::nullopt;
+  // The manual has the prefixes in one order, programs write them in every order.
+  while (!word.starts_with("OFF")) {
+    if (pass("ST")) {
+      keyword.numbers += 2;
+    } else if (pass("C")) {
+      keyword.numbers += 4;
+    } else if (pass("N")) {
+      keyword.numbers += 3;
+    } else if (pass("4") || pass("n")) {
+      keyword.has_other_dimension = true;
+    } else {
+      break;
+    }
+  }
+  if (!pass("OFF") && !EqualsIgnoringCase(std::exchange(word, {}), "off")) return std::nullopt;
   if (!std::all_of(word.begin(), word.end(), [](char c) { return c >= '0' && c <= '9'; })) {
     return std::nullopt;
   }
@@ -42,29 +54,42 @@ std::optional<Keyword> ParseKeyword(std::string_view word) {
   return keyword;
 }
 
+// How the numbers stand on lines.
+enum class Layout : std::uint8_t {
+  kEvenLines,  // a vertex a line, all with as many numbers; a face a line
+  kLines,      // the same, but a line of a vertex may have any numbers behind the first three
+  kFree,  // nothing but these numbers, anywhere, also on the line of the counts; but the first of
+          // several faces begins a line, and the colour of a face ends with its line
+  kFreeBlock,  // the same from the line behind the counts
+};
+
 class OffReader {
  public:
   OffReader(std::string_view text, const MeshReadOptions& options)
       : cursor_(text, {.hash_comments = true}),
+        body_(cursor_),
         file_bytes_(text.size()),
+        options_(options),
         cancel_(options.cancel),
-        cutter_(&data_, options.cancel) {
-    data_.format = MeshFormat::kOff;
-  }
+        cutter_(&data_, options.cancel) {}
 
+  // Nearly every file has its rows on lines of their own, and there a broken row can be told from
+  // the next. The manual allows numbers on any line, and programs write more numbers behind a
+  // vertex than the keyword announces. So a file that is not read by even lines is read again, by
+  // the layout that its number of lines speaks for.
   Result<MeshData> Read() {
     if (Status status = ReadCounts(); !status.ok()) return std::move(status).error();
     if (faces_ == 0) return Error{ErrorCode::kEmptyMesh, "the OFF file has no face"};
-    if (Status status = ReadVertices(); !status.ok()) return std::move(status).error();
-    const TextCursor first_face = cursor_;
-    if (Status status = CountTriangles(); !status.ok()) return std::move(status).error();
-    cursor_ = first_face;
-    if (Status status = ReadFaces(); !status.ok()) return std::move(status).error();
-    if (data_.triangles.empty()) {
-      return Error{ErrorCode::kEmptyMesh, "the OFF file has no face with three or more corners"};
-    }
-    return std::move(data_);
+    Result<MeshData> even = ReadBody(Layout::kEvenLines);
+    if (even.ok() || !IsOfTheFile(even.error())) return even;
+    const Result<std::uint64_t> lines = CountLines();
+    if (!lines.ok()) return lines.error();
+    if (*lines < vertices_ + faces_) return ReadBody(Layout::kFree);
+    if (*lines == vertices_ + faces_) return ReadEither(Layout::kLines, Layout::kFreeBlock);
+    return ReadEither(Layout::kFreeBlock, Layout::kLines);
   }
+
+  bool has_keyword() const { return has_keyword_; }
 
  private:
   Error Broken(std::string_view cause) const { return AtLine(cursor_.line(), cause); }
@@ -73,28 +98,37 @@ class OffReader {
     if (!cursor_.FindLineWithWords()) return Broken("the OFF file has no counts");
     std::string_view word = cursor_.NextWord();
     if (const std::optional<Keyword> keyword = ParseKeyword(word)) {
+      has_keyword_ = true;
+      numbers_ = keyword->numbers;
       word = keyword->rest.empty() ? cursor_.NextWord() : keyword->rest;
       if (keyword->has_other_dimension || word == "BINARY") {
         Error error = Broken("of OFF only ascii files with three coordinates are read");
         error.code = ErrorCode::kUnsupportedMeshFormat;
         return error;
       }
-      if (word.empty()) {
-        if (!cursor_.FindLineWithWords()) return Broken("the OFF file has no counts");
-        word = cursor_.NextWord();
-      }
+      if (word.empty()) word = cursor_.NextWordOnAnyLine();
+      if (word.empty()) return Broken("the OFF file has no counts");
     }
     for (std::uint64_t* count : {&vertices_, &faces_}) {
-      const std::optional<std::int64_t> number = ParseInteger(word);
+      const std::optional<std::int64_t> number = ParseCount(word);
       if (!number) return Broken(WhyNotInteger(word));
       if (*number < 0) return Broken(Quoted(word) + " is not a count");
       *count = static_cast<std::uint64_t>(*number);
-      if (count == &vertices_) word = cursor_.NextWord();
+      if (count == &vertices_) word = cursor_.NextWordOnAnyLine();
     }
+    PassEdgeCount();
     return CheckClaims();
   }
 
-  // The shortest lines of a vertex and a face are "0 0 0" and "0"; the last one may lack its end.
+  // It may lack, or stand alone on the next line, where no vertex does.
+  void PassEdgeCount() {
+    if (!cursor_.NextWord().empty()) return;
+    TextCursor ahead = cursor_;
+    if (!ahead.FindLineWithWords() || !ParseCount(ahead.NextWord())) return;
+    if (ahead.NextWord().empty()) cursor_ = ahead;
+  }
+
+  // The shortest rows of a vertex and a face are "0 0 0" and "0"; the last one may lack its end.
   Status CheckClaims() {
     const std::uint64_t left = cursor_.remaining() + 1;
     if (vertices_ > left / 6 || faces_ > (left - 6 * vertices_) / 2) {
@@ -107,26 +141,110 @@ class OffReader {
                                                  " vertices; at most " +
                                                  std::to_string(kMaxVertices) + " are allowed"};
     }
-    cursor_.NextLine();
+    body_ = cursor_;
     return {};
   }
 
-  Status ReadVertices() {
+  // Lines with words, up to one more than there are rows.
+  Result<std::uint64_t> CountLines() {
+    cursor_ = body_;
+    std::uint64_t lines = 0;
+    for (cursor_.NextLine(); lines <= vertices_ + faces_ && cursor_.FindLineWithWords();
+         cursor_.NextLine()) {
+      if (cancel_.Spend(64)) return cancel_.ToError();
+      ++lines;
+    }
+    return lines;
+  }
+
+  Result<MeshData> ReadEither(Layout likely, Layout other) {
+    Result<MeshData> mesh = ReadBody(likely);
+    if (mesh.ok() || !IsOfTheFile(mesh.error())) return mesh;
+    Result<MeshData> second = ReadBody(other);
+    return second.ok() || !IsOfTheFile(second.error()) ? std::move(second) : std::move(mesh);
+  }
+
+  Result<MeshData> ReadBody(Layout layout) {
+    layout_ = layout;
+    data_ = {};
+    data_.format = MeshFormat::kOff;
+    all_valid_ = true;
+    if (Status status = ReadVertices(); !status.ok()) return std::move(status).error();
+    const TextCursor first_face = cursor_;
+    if (Status status = CountTriangles(); !status.ok()) return std::move(status).error();
+    cursor_ = first_face;
+    if (Status status = ReadFaces(); !status.ok()) return std::move(status).error();
+    if (is_free() && cursor_.FindLineWithWords()) {
+      return Broken("behind the last face the text goes on");
+    }
+    if (Status status = CheckVertices(); !status.ok()) return std::move(status).error();
+    if (data_.triangles.empty()) {
+      return Error{ErrorCode::kEmptyMesh, "the OFF file has no face with three or more corners"};
+    }
+    return std::move(data_);
+  }
+
+  bool is_free() const { return layout_ == Layout::kFree || layout_ == Layout::kFreeBlock; }
+
+  std::string_view NextWordOfRow() {
+    return is_free() ? cursor_.NextWordOnAnyLine() : cursor_.NextWord();
+  }
+
+  // Calls handle(vertex, i) for each vertex; it returns false to end the walk.
+  template <class F>
+  Status ForEachVertex(F&& handle) {
+    cursor_ = body_;
+    // A file of fewer lines than rows may have its first vertex on the line of the counts.
+    if (layout_ != Layout::kFree) cursor_.NextLine();
+    std::uint64_t even = 0;  // numbers on each line
     for (std::uint64_t i = 0; i < vertices_; ++i) {
       if (cancel_.Spend(64)) return cancel_.ToError();
       if (!cursor_.FindLineWithWords()) return EndsAfter(i, vertices_, "vertices");
       Vec3d vertex;
       for (int axis = 0; axis < 3; ++axis) {
-        const std::string_view word = cursor_.NextWord();
-        const std::optional<double> number = ParseNumber(word);
+        const std::string_view word = NextWordOfRow();
+        const std::optional<double> number = ParseCoordinate(word);
         if (!number) return Broken(WhyNotNumber(word));
         vertex[axis] = *number;
       }
-      MakeRoom(data_.vertices, vertices_, file_bytes_);
-      data_.vertices.push_back(vertex);
+      if (!handle(vertex, i)) return {};
+      if (is_free()) {
+        for (std::uint64_t k = 3; k < numbers_; ++k) cursor_.NextWordOnAnyLine();
+        continue;
+      }
+      if (layout_ == Layout::kEvenLines) {
+        std::uint64_t numbers = 3;
+        while (!cursor_.NextWord().empty()) ++numbers;
+        if (i != 0 && numbers != even) return Broken("a line of another length");
+        even = numbers;
+      }
       cursor_.NextLine();
     }
+    // Else a file that lacks a vertex would take one from its first face.
+    const bool must_end_line =
+        layout_ == Layout::kFreeBlock || (layout_ == Layout::kFree && faces_ != 1);
+    if (must_end_line && !cursor_.NextWord().empty()) {
+      return Broken("behind the last vertex the line goes on");
+    }
     return {};
+  }
+
+  Status ReadVertices() {
+    return ForEachVertex([&](const Vec3d& vertex, std::uint64_t) {
+      MakeRoom(data_.vertices, vertices_, file_bytes_);
+      data_.vertices.push_back(vertex);
+      all_valid_ = all_valid_ && IsValidVertex(vertex);
+      return true;
+    });
+  }
+
+  Status CheckVertices() {
+    if (all_valid_) return {};
+    const Result<std::optional<std::size_t>> invalid = FindInvalidVertex(data_, options_);
+    if (!invalid.ok()) return invalid.error();
+    if (!*invalid) return {};
+    Status status = ForEachVertex([&](const Vec3d&, std::uint64_t i) { return i != **invalid; });
+    return status.ok() ? Broken(WhyNotVertex(data_, **invalid)) : std::move(status);
   }
 
   Status EndsAfter(std::uint64_t read, std::uint64_t claimed, const char* what) const {
@@ -141,7 +259,7 @@ class OffReader {
       if (cancel_.Spend(64)) return cancel_.ToError();
       if (!cursor_.FindLineWithWords()) return EndsAfter(i, faces_, "faces");
       const std::string_view word = cursor_.NextWord();
-      const std::optional<std::int64_t> corners = ParseInteger(word);
+      const std::optional<std::int64_t> corners = ParseCount(word);
       if (!corners) return Broken(WhyNotInteger(word));
       if (*corners < 0)
         return Broken("a face cannot have " + std::to_string(*corners) + " corners");
@@ -162,7 +280,8 @@ class OffReader {
     std::uint64_t most_corners = 0;
     Status status = ForEachFace([&](std::uint64_t corners) -> Status {
       for (std::uint64_t i = 0; i < corners; ++i) {
-        if (cursor_.NextWord().empty()) return Broken(WhyNotInteger({}));
+        if (NextWordOfRow().empty()) return Broken(WhyNotInteger({}));
+        if (cancel_.Spend(64)) return cancel_.ToError();
       }
       triangles += corners < 3 ? 0 : corners - 2;
       most_corners = std::max(most_corners, corners);
@@ -183,14 +302,15 @@ class OffReader {
     return ForEachFace([&](std::uint64_t corners) -> Status {
       corners_.clear();
       for (std::uint64_t i = 0; i < corners; ++i) {
-        const std::string_view word = cursor_.NextWord();
-        const std::optional<std::int64_t> index = ParseInteger(word);
+        const std::string_view word = NextWordOfRow();
+        const std::optional<std::int64_t> index = ParseCount(word);
         if (!index) return Broken(WhyNotInteger(word));
         if (*index < 0 || std::cmp_greater_equal(*index, data_.vertices.size())) {
           return Broken("vertex " + std::to_string(*index) + " does not exist; the file has " +
                         std::to_string(data_.vertices.size()) + ", counted from 0");
         }
         corners_.push_back(static_cast<std::uint32_t>(*index));
+        if (cancel_.Spend(64)) return cancel_.ToError();
       }
       Status status = cutter_.Add(corners_);
       if (!status.ok()) return AtLine(cursor_.line(), std::move(status).error());
@@ -199,11 +319,17 @@ class OffReader {
   }
 
   TextCursor cursor_;
+  TextCursor body_;  // behind the counts
   std::size_t file_bytes_;
+  const MeshReadOptions& options_;
   CancelPoll cancel_;
+  bool has_keyword_ = false;
+  std::uint64_t numbers_ = 3;  // of a vertex, as the keyword announces
   std::uint64_t vertices_ = 0;
   std::uint64_t faces_ = 0;
+  Layout layout_ = Layout::kEvenLines;
   MeshData data_;
+  bool all_valid_ = true;  // the coordinates of all vertices
   PolygonCutter cutter_;
   std::vector<std::uint32_t> corners_;
 };
@@ -211,8 +337,16 @@ class OffReader {
 }  // namespace
 
 Result<MeshData> ReadOff(std::span<const std::byte> bytes, const MeshReadOptions& options) {
-  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  return OffReader(SkipByteOrderMark(text), options).Read();
+  const std::string_view text = WithoutPadding(SkipByteOrderMark(
+      std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size())));
+  OffReader reader(text, options);
+  Result<MeshData> mesh = reader.Read();
+  if (!mesh.ok() && !reader.has_keyword() && IsOfTheFile(mesh.error()) && IsListOfPoints(text)) {
+    return UnsupportedFormat(
+        "a list of points, or an OFF file without its keyword (then " + mesh.error().message + ")",
+        kNoFacesAdvice);
+  }
+  return mesh;
 }
 
 bool IsOffKeyword(std::string_view word) { return ParseKeyword(word).has_value(); }

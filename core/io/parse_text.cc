@@ -4,6 +4,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <system_error>
 
 #include "core/io/mesh_error.h"
@@ -63,6 +64,36 @@ bool IsTooSmall(std::string_view number) {
   return place < 0;
 }
 
+// What std::from_chars reads, with a number that is too small as 0 and one that is too large as
+// infinity.
+std::optional<double> ReadDouble(std::string_view word) {
+  word = WithoutPlus(word);
+  double value = 0;
+  const char* const end = word.data() + word.size();
+  const auto [stopped, error] = std::from_chars(word.data(), end, value);
+  if (stopped != end || error == std::errc::invalid_argument) return std::nullopt;
+  if (error == std::errc::result_out_of_range) {
+    value = IsTooSmall(word) ? 0.0 : std::numeric_limits<double>::infinity();
+    return word[0] == '-' ? -value : value;
+  }
+  return value;
+}
+
+// Microsoft's older run-time library prints "1.#QNAN", "-1.#IND00", "1.#INF".
+std::optional<double> ReadMicrosoftNonFinite(std::string_view word) {
+  const bool negative = word.starts_with('-');
+  if (negative || word.starts_with('+')) word.remove_prefix(1);
+  if (!word.starts_with("1.#")) return std::nullopt;
+  word.remove_prefix(3);
+  while (word.ends_with('0')) word.remove_suffix(1);
+  if (word == "INF") {
+    const double infinity = std::numeric_limits<double>::infinity();
+    return negative ? -infinity : infinity;
+  }
+  if (word != "IND" && word != "QNAN" && word != "SNAN") return std::nullopt;
+  return std::numeric_limits<double>::quiet_NaN();
+}
+
 }  // namespace
 
 TextCursor::TextCursor(std::string_view text, Syntax syntax, std::uint64_t first_line)
@@ -113,17 +144,29 @@ std::string_view TextCursor::NextWord() {
   return text_.substr(begin, position_ - begin);
 }
 
-void TextCursor::NextLine() {
-  SkipBlanks();
-  const bool comment = syntax_.hash_comments && !AtEnd() && text_[position_] == '#';
+std::string_view TextCursor::NextWordOnAnyLine() {
   for (;;) {
-    const std::size_t begin = position_;
-    position_ = LineEnd();
-    const bool joins =
-        syntax_.continuation && !comment && position_ > begin && text_[position_ - 1] == '\\';
-    PassLineEnd();
-    if (!joins || AtEnd()) return;
+    const std::string_view word = NextWord();
+    if (!word.empty() || AtEnd()) return word;
+    NextLine();
   }
+}
+
+void TextCursor::NextLine() {
+  while (NextPhysicalLine()) {
+  }
+}
+
+bool TextCursor::NextPhysicalLine() {
+  const std::size_t begin = position_;
+  position_ = LineEnd();
+  std::size_t first = begin;
+  while (first < position_ && KindOf(text_[first]) == Kind::kBlank) ++first;
+  const bool comment = syntax_.hash_comments && first < position_ && text_[first] == '#';
+  const bool joins =
+      syntax_.continuation && !comment && position_ > begin && text_[position_ - 1] == '\\';
+  PassLineEnd();
+  return joins && !AtEnd();
 }
 
 bool TextCursor::FindLineWithWords() {
@@ -138,17 +181,13 @@ bool TextCursor::FindLineWithWords() {
 }
 
 std::optional<double> ParseNumber(std::string_view word) {
-  word = WithoutPlus(word);
-  double value = 0;
-  const char* const end = word.data() + word.size();
-  const auto [stopped, error] = std::from_chars(word.data(), end, value);
-  if (stopped != end) return std::nullopt;
-  if (error == std::errc::result_out_of_range) {
-    if (!IsTooSmall(word)) return std::nullopt;
-    return word[0] == '-' ? -0.0 : 0.0;
-  }
-  if (error != std::errc() || !std::isfinite(value)) return std::nullopt;
-  return value;
+  const std::optional<double> value = ReadDouble(word);
+  return value && std::isfinite(*value) ? value : std::nullopt;
+}
+
+std::optional<double> ParseCoordinate(std::string_view word) {
+  if (const std::optional<double> value = ReadDouble(word)) return value;
+  return ReadMicrosoftNonFinite(word);
 }
 
 std::string WhyNotNumber(std::string_view word) {
@@ -178,6 +217,23 @@ std::string WhyNotInteger(std::string_view word) {
   return Quoted(word) + " is not an integer of 64 bits";
 }
 
+std::optional<std::int64_t> ParseCount(std::string_view word) {
+  const std::size_t point = word.find('.');
+  if (point != std::string_view::npos && point > 0 &&
+      word.find_first_not_of('0', point + 1) == std::string_view::npos) {
+    word = word.substr(0, point);
+  }
+  return ParseInteger(word);
+}
+
+std::string_view WithoutPadding(std::string_view text) {
+  constexpr std::string_view kBlanksAndPadding("\0\x1a \t\r\n", 6);
+  constexpr std::string_view kPadding("\0\x1a", 2);
+  const std::size_t last = text.find_last_not_of(kBlanksAndPadding);
+  const std::size_t padding = text.find_first_of(kPadding, last == text.npos ? 0 : last + 1);
+  return text.substr(0, padding);
+}
+
 std::string_view SkipByteOrderMark(std::string_view text) {
   constexpr std::string_view kMark = "\xef\xbb\xbf";
   return text.starts_with(kMark) ? text.substr(kMark.size()) : text;
@@ -186,6 +242,10 @@ std::string_view SkipByteOrderMark(std::string_view text) {
 bool EqualsIgnoringCase(std::string_view word, std::string_view keyword) {
   return std::equal(word.begin(), word.end(), keyword.begin(), keyword.end(),
                     [](char a, char b) { return (a >= 'A' && a <= 'Z' ? a - 'A' + 'a' : a) == b; });
+}
+
+bool StartsIgnoringCase(std::string_view word, std::string_view keyword) {
+  return EqualsIgnoringCase(word.substr(0, keyword.size()), keyword);
 }
 
 }  // namespace kdray::core

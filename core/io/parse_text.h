@@ -24,13 +24,20 @@ class TextCursor {
 
   /// The next word of this line; empty at its end.
   std::string_view NextWord();
+  /// The next word of this line or of a later one; empty at the end of the text.
+  std::string_view NextWordOnAnyLine();
   /// To the beginning of the next line.
   void NextLine();
+  /// The same, but a line that a backslash joins to this one counts as the next. Returns whether
+  /// there is such a line.
+  bool NextPhysicalLine();
   /// To the first line, this one or a later one, that has a word after the cursor. False when there
   /// is none.
   bool FindLineWithWords();
 
   bool AtEnd() const { return position_ >= text_.size(); }
+  /// The character at the cursor, which is not at the end.
+  char Peek() const { return text_[position_]; }
   std::size_t remaining() const { return text_.size() - position_; }
   /// Number of the line that the next word is on, or, after the last word, was on.
   std::uint64_t line() const { return line_; }
@@ -58,15 +65,28 @@ class TextCursor {
 std::optional<double> ParseNumber(std::string_view word);
 std::string WhyNotNumber(std::string_view word);
 
+/// A whole word as a coordinate: what ParseNumber takes, and also what programs print for numbers
+/// that are not finite ("nan", "-inf", "1.#QNAN") and numbers beyond the range of double, which
+/// become infinite. A mesh may have such coordinates in vertices that no face uses.
+std::optional<double> ParseCoordinate(std::string_view word);
+
 /// A whole word as a decimal integer of 64 bits; a leading + is allowed. WhyNotInteger says what is
 /// wrong with another word.
 std::optional<std::int64_t> ParseInteger(std::string_view word);
 std::string WhyNotInteger(std::string_view word);
 
+/// A whole word as a number of things: an integer, also written as a fraction ("8.0").
+std::optional<std::int64_t> ParseCount(std::string_view word);
+
+/// The text without what pads a file at its end: NUL bytes, and the Ctrl-Z that ends a text in DOS.
+std::string_view WithoutPadding(std::string_view text);
+
 /// The text without a UTF-8 byte order mark in front.
 std::string_view SkipByteOrderMark(std::string_view text);
 
-/// True when the word is this keyword, written in any case; `keyword` in lower case.
+/// True when the word is this keyword (begins with it), written in any case; `keyword` in lower
+/// case.
 bool EqualsIgnoringCase(std::string_view word, std::string_view keyword);
+bool StartsIgnoringCase(std::string_view word, std::string_view keyword);
 
 }  // namespace kdray::core

@@ -4,10 +4,12 @@
 #include <array>
 #include <bit>
 #include <cstring>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include "core/base/cancel_poll.h"
 #include "core/io/mesh_error.h"
 
 namespace kdray::core {
@@ -18,28 +20,69 @@ std::string TooLong(std::int64_t items, std::size_t remaining) {
          std::to_string(remaining) + " bytes that are left";
 }
 
+TextCursor BodyCursor(std::string_view text, const PlyHeader& header) {
+  return TextCursor(text.substr(header.body), {.hash_comments = true}, header.body_line);
+}
+
+bool IsRemark(std::string_view word) {
+  if (word.empty() || (word[0] != 'c' && word[0] != 'o')) return false;
+  return word == "comment" || word == "obj_info";
+}
+
+// To the next line that holds a value.
+bool FindRow(TextCursor& cursor) {
+  while (cursor.FindLineWithWords()) {
+    if (cursor.Peek() != 'c' && cursor.Peek() != 'o') return true;
+    TextCursor ahead = cursor;
+    if (!IsRemark(ahead.NextWord())) return true;
+    cursor.NextLine();
+  }
+  return false;
+}
+
 }  // namespace
 
-PlyAsciiBody::PlyAsciiBody(std::string_view text, const PlyHeader& header)
-    : cursor_(text.substr(header.body), {}, header.body_line) {}
+PlyAsciiBody::PlyAsciiBody(std::string_view text, const PlyHeader& header, PlyLayout layout)
+    : cursor_(BodyCursor(text, header)), layout_(layout) {}
 
 bool PlyAsciiBody::Fail(Error cause) {
   error_ = AtLine(cursor_.line(), std::move(cause));
   return false;
 }
 
+std::string_view PlyAsciiBody::NextValue() {
+  for (;;) {
+    word_ = cursor_.NextWord();
+    const bool remark = IsRemark(word_);
+    if (!word_.empty() && !remark) return word_;
+    word_ = {};
+    if (!IsFree() || cursor_.AtEnd()) return word_;
+    cursor_.NextLine();
+  }
+}
+
 bool PlyAsciiBody::BeginRow() {
-  return cursor_.FindLineWithWords() || Fail("the file ends before its last row");
+  return FindRow(cursor_) || Fail("the file ends before its last row");
 }
 
 bool PlyAsciiBody::EndRow() {
+  if (IsFree()) return true;
+  if (layout_ == PlyLayout::kEvenLines && !NextValue().empty()) {
+    return Fail(Quoted(word_) + " is more than the row holds");
+  }
   cursor_.NextLine();
   return true;
 }
 
+bool PlyAsciiBody::EndElement() {
+  if (layout_ != PlyLayout::kWords) return true;
+  const std::string_view word = TextCursor(cursor_).NextWord();
+  return word.empty() || IsRemark(word) || Fail("behind an element's last row the line goes on");
+}
+
 bool PlyAsciiBody::ReadNumber(PlyType, double* value) {
-  const std::string_view word = cursor_.NextWord();
-  const std::optional<double> number = ParseNumber(word);
+  const std::string_view word = NextValue();
+  const std::optional<double> number = ParseCoordinate(word);
   if (!number) return Fail(WhyNotNumber(word));
   *value = *number;
   return true;
@@ -57,7 +100,7 @@ bool PlyAsciiBody::ReadLength(const PlyProperty& list, std::uint64_t* length) {
 }
 
 bool PlyAsciiBody::ReadIndex(PlyType, std::int64_t* index) {
-  const std::string_view word = cursor_.NextWord();
+  const std::string_view word = NextValue();
   const std::optional<std::int64_t> number = ParseInteger(word);
   if (!number) return Fail(WhyNotInteger(word));
   *index = *number;
@@ -72,9 +115,29 @@ bool PlyAsciiBody::Skip(const PlyProperty& property) {
 
 bool PlyAsciiBody::SkipItems(PlyType, std::uint64_t count) {
   for (std::uint64_t i = 0; i < count; ++i) {
-    if (cursor_.NextWord().empty()) return Fail("a number is missing");
+    if (NextValue().empty()) return Fail("a number is missing");
   }
   return true;
+}
+
+Result<PlyLines> CountPlyLines(std::string_view text, const PlyHeader& header, std::uint64_t most,
+                               const CancelToken& cancel) {
+  CancelPoll poll(cancel);
+  TextCursor cursor = BodyCursor(text, header);
+  PlyLines lines;
+  std::uint64_t first = 0;
+  std::uint64_t last = 0;
+  for (; lines.count < most && FindRow(cursor); cursor.NextLine()) {
+    lines.even = lines.even && last == first;
+    last = 0;
+    while (!cursor.NextWord().empty()) {
+      ++last;
+      if (poll.Spend(64)) return poll.ToError();
+    }
+    if (lines.count++ == 0) first = last;
+  }
+  lines.even = lines.even && last <= first;
+  return lines;
 }
 
 PlyBinaryBody::PlyBinaryBody(std::string_view bytes, const PlyHeader& header)
@@ -118,6 +181,9 @@ bool PlyBinaryBody::ReadNumber(PlyType type, double* value) {
     case PlyType::kFloat64:
       *value = Take<double>();
       return true;
+    case PlyType::kUint64:
+      *value = static_cast<double>(Take<std::uint64_t>());
+      return true;
     default: {
       std::int64_t integer = 0;
       if (!ReadIndex(type, &integer)) return false;
@@ -148,6 +214,17 @@ bool PlyBinaryBody::ReadIndex(PlyType type, std::int64_t* index) {
     case PlyType::kUint32:
       *index = Take<std::uint32_t>();
       return true;
+    case PlyType::kInt64:
+      *index = Take<std::int64_t>();
+      return true;
+    case PlyType::kUint64: {
+      const auto value = Take<std::uint64_t>();
+      if (value > std::uint64_t{std::numeric_limits<std::int64_t>::max()}) {
+        return Fail("the integer " + std::to_string(value) + " is beyond 2^63");
+      }
+      *index = static_cast<std::int64_t>(value);
+      return true;
+    }
     case PlyType::kFloat32:
     case PlyType::kFloat64:
       break;

@@ -20,23 +20,18 @@ std::optional<PlyType> ParseType(std::string_view word) {
     std::string_view name;
     PlyType type;
   };
-  static constexpr std::array<Named, 16> kTypes = {{
-      {"char", PlyType::kInt8},
-      {"int8", PlyType::kInt8},
-      {"uchar", PlyType::kUint8},
-      {"uint8", PlyType::kUint8},
-      {"short", PlyType::kInt16},
-      {"int16", PlyType::kInt16},
-      {"ushort", PlyType::kUint16},
-      {"uint16", PlyType::kUint16},
-      {"int", PlyType::kInt32},
-      {"int32", PlyType::kInt32},
-      {"uint", PlyType::kUint32},
-      {"uint32", PlyType::kUint32},
-      {"float", PlyType::kFloat32},
-      {"float32", PlyType::kFloat32},
-      {"double", PlyType::kFloat64},
-      {"float64", PlyType::kFloat64},
+  static constexpr std::array<Named, 22> kTypes = {{
+      {"char", PlyType::kInt8},      {"int8", PlyType::kInt8},
+      {"uchar", PlyType::kUint8},    {"uint8", PlyType::kUint8},
+      {"short", PlyType::kInt16},    {"int16", PlyType::kInt16},
+      {"ushort", PlyType::kUint16},  {"uint16", PlyType::kUint16},
+      {"int", PlyType::kInt32},      {"int32", PlyType::kInt32},
+      {"uint", PlyType::kUint32},    {"uint32", PlyType::kUint32},
+      {"long", PlyType::kInt64},     {"int64", PlyType::kInt64},
+      {"longlong", PlyType::kInt64}, {"ulong", PlyType::kUint64},
+      {"uint64", PlyType::kUint64},  {"ulonglong", PlyType::kUint64},
+      {"float", PlyType::kFloat32},  {"float32", PlyType::kFloat32},
+      {"double", PlyType::kFloat64}, {"float64", PlyType::kFloat64},
   }};
   const auto* found = std::find_if(kTypes.begin(), kTypes.end(),
                                    [&](const Named& named) { return named.name == word; });
@@ -100,7 +95,22 @@ class HeaderParser {
     if (keyword == "format") return ParseFormatLine(words);
     if (keyword == "element") return ParseElementLine(words);
     if (keyword == "property") return ParsePropertyLine(words);
-    return Broken(Quoted(keyword) + " begins no line of a PLY header");
+    if (IsRemark(line)) return {};
+    return Broken(Quoted(keyword) +
+                  " begins no line of a PLY header; there are format, element, property, comment, "
+                  "obj_info, end_header");
+  }
+
+  // Text that cannot be meant as a declaration: those name a type, `list`, or end with a count.
+  static bool IsRemark(std::string_view line) {
+    const bool is_text = std::all_of(line.begin(), line.end(), [](char c) {
+      return static_cast<unsigned char>(c) >= ' ' || c == '\t';
+    });
+    TextCursor words(line, {});
+    words.NextWord();
+    const std::string_view second = words.NextWord();
+    const bool is_element = ParseInteger(words.NextWord()) && words.NextWord().empty();
+    return is_text && second != "list" && !ParseType(second) && !is_element;
   }
 
   Status ParseFormatLine(TextCursor& words) {
@@ -122,7 +132,8 @@ class HeaderParser {
     element.name = words.NextWord();
     element.line = line_;
     if (element.name.empty()) return Broken("the element has no name");
-    if (header_.Find(element.name) != nullptr) {
+    const bool is_needed = element.name == "vertex" || element.name == "face";
+    if (is_needed && header_.Find(element.name) != nullptr) {
       return Broken("a second element " + Quoted(element.name));
     }
     const std::string_view word = words.NextWord();
@@ -138,6 +149,7 @@ class HeaderParser {
   Status ParsePropertyLine(TextCursor& words) {
     if (header_.elements.empty()) return Broken("a property without an element");
     PlyProperty property;
+    property.line = line_;
     std::string_view word = words.NextWord();
     if (word == "list") {
       word = words.NextWord();
@@ -153,7 +165,6 @@ class HeaderParser {
     property.name = words.NextWord();
     if (property.name.empty()) return Broken("the property has no name");
     PlyElement& element = header_.elements.back();
-    if (element.Find(property.name)) return Broken("a second property " + Quoted(property.name));
     if (Status status = CountOneMore(); !status.ok()) return status;
     element.properties.push_back(property);
     return {};
@@ -176,8 +187,8 @@ class HeaderParser {
 
 }  // namespace
 
-std::optional<std::size_t> PlyElement::Find(std::string_view property) const {
-  for (std::size_t i = 0; i < properties.size(); ++i) {
+std::optional<std::size_t> PlyElement::Find(std::string_view property, std::size_t begin) const {
+  for (std::size_t i = begin; i < properties.size(); ++i) {
     if (properties[i].name == property) return i;
   }
   return std::nullopt;

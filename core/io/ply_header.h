@@ -21,13 +21,15 @@ enum class PlyType : std::uint8_t {
   kUint16,
   kInt32,
   kUint32,
+  kInt64,
+  kUint64,
   kFloat32,
   kFloat64
 };
 
 /// Bytes of a value in a binary file.
 inline std::size_t SizeOf(PlyType type) {
-  constexpr std::array<std::uint8_t, 8> kSizes = {1, 1, 2, 2, 4, 4, 4, 8};
+  constexpr std::array<std::uint8_t, 10> kSizes = {1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
   return kSizes[static_cast<std::size_t>(type)];
 }
 inline bool IsInteger(PlyType type) { return type < PlyType::kFloat32; }
@@ -37,6 +39,7 @@ struct PlyProperty {
   std::string_view name;
   PlyType type = PlyType::kInt8;
   std::optional<PlyType> count_type = std::nullopt;  ///< of a list; always an integer type
+  std::uint64_t line = 0;                            ///< of the header
 
   bool IsList() const { return count_type.has_value(); }
 };
@@ -47,22 +50,24 @@ struct PlyElement {
   std::uint64_t line = 0;   ///< of the header
   std::vector<PlyProperty> properties;
 
-  /// The number of the property with that name in `properties`.
-  std::optional<std::size_t> Find(std::string_view property) const;
+  /// The number in `properties` of the first property with that name, from `begin` on.
+  std::optional<std::size_t> Find(std::string_view property, std::size_t begin = 0) const;
 };
 
 struct PlyHeader {
   PlyFormat format = PlyFormat::kAscii;
-  std::vector<PlyElement> elements;  ///< in file order, names all different
+  std::vector<PlyElement> elements;  ///< in file order; names may be there twice
   std::size_t body = 0;              ///< offset of the first byte behind the header
   std::uint64_t body_line = 0;       ///< number of the line that begins there
 
+  /// The first element with that name.
   const PlyElement* Find(std::string_view element) const;
 };
 
 /// Reads the header; its names are views into `text`. The first line's end (LF, CR LF, or CR alone)
-/// tells how the lines end, so that a body that begins with a byte 10 stays whole. Errors carry the
-/// line.
+/// tells how the lines end, so that a body that begins with a byte 10 stays whole. A line that no
+/// keyword begins is a remark without the word `comment`, which some programs forget, unless it
+/// looks like a declaration with its keyword misspelt. Errors carry the line.
 /// Source: Turk, "The PLY Polygon File Format", 1994.
 Result<PlyHeader> ParsePlyHeader(std::string_view text);
 

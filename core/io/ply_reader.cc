@@ -15,6 +15,8 @@
 #include "core/io/ply_body.h"
 #include "core/io/ply_header.h"
 #include "core/io/polygon.h"
+#include "core/io/printed_float.h"
+#include "core/io/vertex_check.h"
 
 namespace kdray::core {
 namespace {
@@ -22,67 +24,93 @@ namespace {
 // Where in a row the wanted properties stand.
 struct Layout {
   const PlyElement* vertex = nullptr;
-  const PlyElement* face = nullptr;
+  const PlyElement* face = nullptr;  // or `tristrips`
+  bool is_strips = false;
   std::array<std::size_t, 3> xyz{};
   std::size_t corners = 0;
 };
 
-Result<Layout> FindLayout(const PlyHeader& header) {
-  Layout layout;
-  layout.face = header.Find("face");
-  if (layout.face == nullptr) {
-    if (const PlyElement* strips = header.Find("tristrips")) {
-      Error error = AtLine(strips->line, "triangle strips are not read, only the element 'face'");
-      error.code = ErrorCode::kUnsupportedMeshFormat;
-      return error;
-    }
-    return Error{ErrorCode::kEmptyMesh, "the PLY file has no element 'face'"};
+// The number of the property that the element has under that name, once; nullopt without one.
+Result<std::optional<std::size_t>> FindOnce(const PlyElement& element, std::string_view name) {
+  const std::optional<std::size_t> found = element.Find(name);
+  if (!found) return found;
+  if (const std::optional<std::size_t> second = element.Find(name, *found + 1)) {
+    return AtLine(element.properties[*second].line, "a second property " + Quoted(name));
   }
-  if (layout.face->count == 0) return Error{ErrorCode::kEmptyMesh, "the PLY file has no face"};
-  layout.vertex = header.Find("vertex");
-  if (layout.vertex == nullptr) {
-    return AtLine(layout.face->line, "there are faces but no element 'vertex'");
+  return found;
+}
+
+Status FindVertex(const PlyHeader& header, Layout* layout) {
+  layout->vertex = header.Find("vertex");
+  if (layout->vertex == nullptr) {
+    return AtLine(layout->face->line, "there are faces but no element 'vertex'");
   }
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::string_view name = std::string_view("xyz").substr(axis, 1);
-    const std::optional<std::size_t> found = layout.vertex->Find(name);
-    if (!found || layout.vertex->properties[*found].IsList()) {
-      return AtLine(layout.vertex->line, "the element 'vertex' has no number " + Quoted(name));
+    const Result<std::optional<std::size_t>> found = FindOnce(*layout->vertex, name);
+    if (!found.ok()) return found.error();
+    if (!*found || layout->vertex->properties[**found].IsList()) {
+      return AtLine(layout->vertex->line, "the element 'vertex' has no number " + Quoted(name));
     }
-    layout.xyz[axis] = *found;
+    layout->xyz[axis] = **found;
   }
-  std::optional<std::size_t> corners = layout.face->Find("vertex_indices");
-  if (!corners) corners = layout.face->Find("vertex_index");
-  if (!corners || !layout.face->properties[*corners].IsList() ||
-      !IsInteger(layout.face->properties[*corners].type)) {
-    return AtLine(layout.face->line,
-                  "the element 'face' has no list of integers 'vertex_indices' or 'vertex_index'");
+  return {};
+}
+
+Status FindCorners(Layout* layout) {
+  const PlyElement& face = *layout->face;
+  for (const std::string_view name : {"vertex_indices", "vertex_index"}) {
+    const Result<std::optional<std::size_t>> found = FindOnce(face, name);
+    if (!found.ok()) return found.error();
+    if (!*found) continue;
+    const PlyProperty& property = face.properties[**found];
+    if (!property.IsList() || !IsInteger(property.type)) break;
+    layout->corners = **found;
+    return {};
   }
-  layout.corners = *corners;
+  return AtLine(face.line, "the element " + Quoted(face.name) +
+                               " has no list of integers 'vertex_indices' or 'vertex_index'");
+}
+
+Result<Layout> FindLayout(const PlyHeader& header) {
+  Layout layout;
+  layout.face = header.Find("face");
+  if (layout.face == nullptr || layout.face->count == 0) {
+    const PlyElement* strips = header.Find("tristrips");
+    if (strips != nullptr && strips->count != 0) {
+      layout.face = strips;
+      layout.is_strips = true;
+    } else if (layout.face == nullptr) {
+      return Error{ErrorCode::kEmptyMesh, "the PLY file has no element 'face'"};
+    } else {
+      return Error{ErrorCode::kEmptyMesh, "the PLY file has no face"};
+    }
+  }
+  if (Status status = FindVertex(header, &layout); !status.ok()) return std::move(status).error();
+  if (Status status = FindCorners(&layout); !status.ok()) return std::move(status).error();
   return layout;
 }
 
 template <class Body>
 class BodyReader {
  public:
-  BodyReader(std::string_view file, const PlyHeader& header, const Layout& layout,
+  BodyReader(std::string_view file, const PlyHeader& header, const Layout& layout, Body body,
              const MeshReadOptions& options)
       : header_(header),
         layout_(layout),
         file_bytes_(file.size()),
-        body_(file, header),
+        body_(std::move(body)),
+        vertices_(body_),
+        options_(options),
         cancel_(options.cancel),
         cutter_(&data_, options.cancel) {
     data_.format = MeshFormat::kPly;
-    data_.single_precision = std::all_of(layout.xyz.begin(), layout.xyz.end(), [&](std::size_t i) {
-      return layout.vertex->properties[i].type == PlyType::kFloat32;
-    });
   }
 
   // Polygons need the vertices to be cut, and the triangles are counted before memory is taken for
   // them. So the elements are walked through once, up to the later of vertices and faces, and then
-  // the faces again.
-  Result<MeshData> Read() {
+  // the faces again. `to_the_end`: all elements are walked through, and nothing may be left.
+  Result<MeshData> Read(bool to_the_end) {
     Body faces = body_;
     bool has_vertices = false;
     bool has_faces = false;
@@ -90,6 +118,7 @@ class BodyReader {
       Status status = CheckClaim(element);
       if (!status.ok()) return std::move(status).error();
       if (&element == layout_.vertex) {
+        vertices_ = body_;
         status = ReadVertices();
         has_vertices = true;
       } else if (&element == layout_.face) {
@@ -100,10 +129,18 @@ class BodyReader {
         status = SkipElement(element);
       }
       if (!status.ok()) return std::move(status).error();
-      if (has_vertices && has_faces) break;
+      if (!body_.EndElement()) return body_.error();
+      if (has_vertices && has_faces && !to_the_end) break;
+    }
+    if constexpr (Body::kIsText) {
+      if (to_the_end && !body_.AtEnd()) {
+        body_.Fail({ErrorCode::kInvalidMesh, "behind the last row the text goes on"});
+        return body_.error();
+      }
     }
     body_ = faces;
     if (Status status = ReadFaces(); !status.ok()) return std::move(status).error();
+    if (Status status = CheckVertices(); !status.ok()) return std::move(status).error();
     if (data_.triangles.empty()) {
       return Error{ErrorCode::kEmptyMesh, "the PLY file has no face with three or more corners"};
     }
@@ -138,7 +175,7 @@ class BodyReader {
       for (std::size_t i = 0; i < element.properties.size(); ++i) {
         if (!handle(i)) return body_.error();
       }
-      body_.EndRow();
+      if (!body_.EndRow()) return body_.error();
     }
     return {};
   }
@@ -148,20 +185,72 @@ class BodyReader {
                            [&](std::size_t i) { return body_.Skip(element.properties[i]); });
   }
 
+  bool IsFloat(std::size_t axis) const {
+    return layout_.vertex->properties[layout_.xyz[axis]].type == PlyType::kFloat32;
+  }
+
+  // The numbers of a text that its header calls floats are taken as floats up to the first that no
+  // float prints; then the vertices are read again, as doubles.
   Status ReadVertices() {
+    Status status = ReadVerticesOnce();
+    if (has_wide_text_) {
+      data_.vertices.clear();
+      body_ = vertices_;
+      status = ReadVerticesOnce();
+    }
+    data_.single_precision = !has_wide_text_ && IsFloat(0) && IsFloat(1) && IsFloat(2);
+    data_.wider_than_declared = has_wide_text_;
+    return status;
+  }
+
+  Status ReadVerticesOnce() {
     const PlyElement& element = *layout_.vertex;
     const std::size_t last = element.properties.size() - 1;
     Vec3d vertex;
     return ForEachProperty(element, [&](std::size_t i) {
       const PlyProperty& property = element.properties[i];
       const auto axis = std::find(layout_.xyz.begin(), layout_.xyz.end(), i) - layout_.xyz.begin();
-      const bool ok = axis < 3 ? body_.ReadNumber(property.type, &vertex[static_cast<int>(axis)])
+      const bool ok = axis < 3 ? ReadCoordinate(property.type, &vertex[static_cast<int>(axis)])
                                : body_.Skip(property);
       if (ok && i == last) {
         MakeRoom(data_.vertices, element.count, file_bytes_);
         data_.vertices.push_back(vertex);
+        all_valid_ = all_valid_ && IsValidVertex(vertex);
       }
       return ok;
+    });
+  }
+
+  bool ReadCoordinate(PlyType type, double* value) {
+    if (!body_.ReadNumber(type, value)) return false;
+    if constexpr (Body::kIsText) {
+      if (type == PlyType::kFloat32 && !has_wide_text_) {
+        const std::optional<float> number = ParsePrintedFloat(body_.word(), *value);
+        has_wide_text_ = !number;
+        if (number) *value = static_cast<double>(*number);
+        return number.has_value();
+      }
+    }
+    return true;
+  }
+
+  Status CheckVertices() {
+    if (all_valid_) return {};
+    const Result<std::optional<std::size_t>> invalid = FindInvalidVertex(data_, options_);
+    if (!invalid.ok()) return invalid.error();
+    if (!*invalid) return {};
+    const std::size_t vertex = **invalid;
+    const auto axis = static_cast<std::size_t>(InvalidAxis(data_.vertices[vertex]));
+    const PlyElement& element = *layout_.vertex;
+    body_ = vertices_;
+    std::size_t row = 0;
+    return ForEachProperty(element, [&](std::size_t i) {
+      if (!body_.Skip(element.properties[i])) return false;
+      if (row == vertex && i == layout_.xyz[axis]) {
+        return body_.Fail({ErrorCode::kInvalidMesh, WhyNotVertex(data_, vertex)});
+      }
+      row += i + 1 == element.properties.size() ? 1 : 0;
+      return true;
     });
   }
 
@@ -174,6 +263,11 @@ class BodyReader {
       if (i != layout_.corners) return body_.Skip(property);
       std::uint64_t corners = 0;
       if (!body_.ReadLength(property, &corners)) return false;
+      if (layout_.is_strips) return CountStrip(property.type, corners, &triangles);
+      if (corners < 3 && !body_.AllowsShortFaces()) {
+        return body_.Fail({ErrorCode::kInvalidMesh, "a face of " + std::to_string(corners) +
+                                                        " corners, among rows that are no lines"});
+      }
       triangles += corners < 3 ? 0 : corners - 2;
       most_corners = std::max(most_corners, corners);
       return body_.SkipItems(property.type, corners);
@@ -189,11 +283,49 @@ class BodyReader {
     return {};
   }
 
+  // A row of strips is a list of vertices in which -1 ends a strip. Each vertex from the third of
+  // its strip on makes a triangle with the two before it.
+  bool CountStrip(PlyType type, std::uint64_t items, std::uint64_t* triangles) {
+    std::uint64_t length = 0;
+    for (std::uint64_t i = 0; i < items; ++i) {
+      std::int64_t index = 0;
+      if (!body_.ReadIndex(type, &index)) return false;
+      length = index == -1 ? 0 : length + 1;
+      *triangles += length >= 3 ? 1 : 0;
+    }
+    return true;
+  }
+
+  bool ReadStrip(const PlyProperty& property) {
+    std::uint64_t items = 0;
+    if (!body_.ReadLength(property, &items)) return false;
+    std::uint64_t length = 0;
+    std::array<std::uint32_t, 2> last{};
+    for (std::uint64_t i = 0; i < items; ++i) {
+      std::int64_t index = 0;
+      if (!body_.ReadIndex(property.type, &index)) return false;
+      if (index == -1) {
+        length = 0;
+        continue;
+      }
+      if (!CheckIndex(index)) return false;
+      const auto corner = static_cast<std::uint32_t>(index);
+      if (++length >= 3) {
+        // The winding alternates along a strip.
+        const bool turned = length % 2 == 0;
+        data_.triangles.push_back({last[turned ? 1 : 0], last[turned ? 0 : 1], corner});
+      }
+      last = {last[1], corner};
+    }
+    return true;
+  }
+
   Status ReadFaces() {
     const PlyElement& element = *layout_.face;
     return ForEachProperty(element, [&](std::size_t i) {
       const PlyProperty& property = element.properties[i];
       if (i != layout_.corners) return body_.Skip(property);
+      if (layout_.is_strips) return ReadStrip(property);
       if (!ReadCorners(property)) return false;
       Status status = cutter_.Add(corners_);
       return status.ok() || body_.Fail(std::move(status).error());
@@ -206,25 +338,72 @@ class BodyReader {
     corners_.clear();
     for (std::uint64_t i = 0; i < count; ++i) {
       std::int64_t index = 0;
-      if (!body_.ReadIndex(property.type, &index)) return false;
-      if (index < 0 || std::cmp_greater_equal(index, data_.vertices.size())) {
-        return body_.Fail({ErrorCode::kInvalidMesh,
-                           "vertex " + std::to_string(index) + " does not exist; the file has " +
-                               std::to_string(data_.vertices.size()) + ", counted from 0"});
-      }
+      if (!body_.ReadIndex(property.type, &index) || !CheckIndex(index)) return false;
       corners_.push_back(static_cast<std::uint32_t>(index));
     }
     return true;
+  }
+
+  bool CheckIndex(std::int64_t index) {
+    if (index >= 0 && std::cmp_less(index, data_.vertices.size())) return true;
+    return body_.Fail({ErrorCode::kInvalidMesh,
+                       "vertex " + std::to_string(index) + " does not exist; the file has " +
+                           std::to_string(data_.vertices.size()) + ", counted from 0"});
   }
 
   const PlyHeader& header_;
   const Layout& layout_;
   std::size_t file_bytes_;
   Body body_;
+  Body vertices_;  // where they begin
+  const MeshReadOptions& options_;
   CancelPoll cancel_;
   MeshData data_;
+  bool has_wide_text_ = false;  // a number that the header calls a float, but no float prints
+  bool all_valid_ = true;       // the coordinates of all vertices
   PolygonCutter cutter_;
   std::vector<std::uint32_t> corners_;
+};
+
+// Nearly every file has a row a line, and there a broken row can be told from the next. Rows are
+// words, though, on any lines, and programs also write more words in a row than they declare. So a
+// file that is not read by even lines is read again, by the layout that its number of lines speaks
+// for.
+class AsciiReader {
+ public:
+  AsciiReader(std::string_view file, const PlyHeader& header, const Layout& layout,
+              const MeshReadOptions& options)
+      : file_(file), header_(header), layout_(layout), options_(options) {}
+
+  Result<MeshData> Read() const {
+    Result<MeshData> even = ReadBy(PlyLayout::kEvenLines);
+    if (even.ok() || !IsOfTheFile(even.error())) return even;
+    std::uint64_t rows = 0;
+    for (const PlyElement& element : header_.elements) {
+      if (element.properties.empty()) continue;
+      rows += std::min<std::uint64_t>(element.count, file_.size());
+    }
+    const Result<PlyLines> lines = CountPlyLines(file_, header_, rows + 1, options_.cancel);
+    if (!lines.ok()) return lines.error();
+    const PlyLayout free = lines->even ? PlyLayout::kWrapped : PlyLayout::kWords;
+    if (lines->count < rows) return ReadBy(free);
+    if (lines->count == rows) return ReadBy(PlyLayout::kLines);
+    Result<MeshData> words = ReadBy(free);
+    if (words.ok() || !IsOfTheFile(words.error())) return words;
+    Result<MeshData> by_lines = ReadBy(PlyLayout::kLines);
+    return by_lines.ok() || !IsOfTheFile(by_lines.error()) ? std::move(by_lines) : std::move(words);
+  }
+
+ private:
+  Result<MeshData> ReadBy(PlyLayout layout) const {
+    return BodyReader<PlyAsciiBody>(file_, header_, layout_, {file_, header_, layout}, options_)
+        .Read(layout == PlyLayout::kWords || layout == PlyLayout::kWrapped);
+  }
+
+  std::string_view file_;
+  const PlyHeader& header_;
+  const Layout& layout_;
+  const MeshReadOptions& options_;
 };
 
 }  // namespace
@@ -237,9 +416,10 @@ Result<MeshData> ReadPly(std::span<const std::byte> bytes, const MeshReadOptions
   Result<Layout> layout = FindLayout(*header);
   if (!layout.ok()) return std::move(layout).error();
   if (header->format == PlyFormat::kAscii) {
-    return BodyReader<PlyAsciiBody>(file, *header, *layout, options).Read();
+    const std::size_t body = WithoutPadding(file.substr(header->body)).size();
+    return AsciiReader(file.substr(0, header->body + body), *header, *layout, options).Read();
   }
-  return BodyReader<PlyBinaryBody>(file, *header, *layout, options).Read();
+  return BodyReader<PlyBinaryBody>(file, *header, *layout, {file, *header}, options).Read(false);
 }
 
 }  // namespace kdray::core

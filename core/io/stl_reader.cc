@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <optional>
@@ -14,6 +13,7 @@
 #include "core/base/cancel_poll.h"
 #include "core/io/mesh_error.h"
 #include "core/io/parse_text.h"
+#include "core/io/vertex_check.h"
 
 namespace kdray::core {
 namespace {
@@ -24,6 +24,7 @@ constexpr std::size_t kHeaderBytes = 80;
 constexpr std::size_t kFirstRecord = 84;
 constexpr std::size_t kRecordBytes = 50;
 constexpr std::size_t kNormalBytes = 12;
+constexpr std::size_t kAttributeBytes = 2;
 
 std::uint32_t LoadUint32(std::span<const std::byte> bytes, std::size_t offset) {
   std::uint32_t value = 0;
@@ -48,28 +49,58 @@ Error TooLarge(std::uint64_t triangles) {
                                              std::to_string(kMaxTriangles) + " are allowed"};
 }
 
-Result<MeshData> ReadBinary(std::span<const std::byte> bytes, const MeshReadOptions& options) {
+// How many records the bytes hold: as many as the count says, with nothing but NUL bytes after
+// them, or, when the count is 0, as the size says (some programs write the count last, or never).
+// nullopt when count and size contradict each other.
+std::optional<std::uint32_t> CountRecords(std::span<const std::byte> bytes) {
   const std::uint32_t count = LoadUint32(bytes, kHeaderBytes);
-  if (count == 0) return Error{ErrorCode::kEmptyMesh, "the STL file has no triangle"};
-  if (count > kMaxTriangles) return TooLarge(count);
+  const std::uint64_t records = bytes.size() - kFirstRecord;
+  if (count == 0) {
+    const bool whole = records % kRecordBytes == 0 && records / kRecordBytes <= kMaxTriangles;
+    return whole ? std::optional(static_cast<std::uint32_t>(records / kRecordBytes)) : std::nullopt;
+  }
+  if (BinarySize(bytes) > bytes.size()) return std::nullopt;
+  const auto tail = bytes.subspan(static_cast<std::size_t>(BinarySize(bytes)));
+  const bool nothing =
+      std::all_of(tail.begin(), tail.end(), [](std::byte b) { return b == std::byte{0}; });
+  return nothing ? std::optional(count) : std::nullopt;
+}
+
+Error WrongSize(std::span<const std::byte> bytes) {
+  return AtByte(kHeaderBytes, "as a binary STL, with a count of " +
+                                  std::to_string(LoadUint32(bytes, kHeaderBytes)) +
+                                  " triangles, the file would have " +
+                                  std::to_string(BinarySize(bytes)) + " bytes; it has " +
+                                  std::to_string(bytes.size()));
+}
+
+Result<MeshData> ReadBinary(std::span<const std::byte> bytes, const MeshReadOptions& options) {
+  const std::optional<std::uint32_t> count = CountRecords(bytes);
+  if (!count) return WrongSize(bytes);
+  if (*count == 0) return Error{ErrorCode::kEmptyMesh, "the STL file has no triangle"};
+  if (*count > kMaxTriangles) return TooLarge(*count);
   MeshData data;
   data.format = MeshFormat::kStl;
   data.single_precision = true;
-  data.vertices.reserve(3 * std::size_t{count});
-  data.triangles.reserve(count);
+  data.vertices.reserve(3 * std::size_t{*count});
+  data.triangles.reserve(*count);
   CancelPoll cancel(options.cancel);
-  for (std::size_t record = kFirstRecord; record < bytes.size(); record += kRecordBytes) {
+  std::size_t offset = kFirstRecord;
+  for (std::uint32_t record = 0; record < *count; ++record) {
     if (cancel.Spend(64)) return cancel.ToError();
-    std::size_t offset = record + kNormalBytes;
+    offset += kNormalBytes;
     for (int corner = 0; corner < 3; ++corner) {
       Vec3f vertex;
       for (int axis = 0; axis < 3; ++axis, offset += 4) {
         vertex[axis] = std::bit_cast<float>(LoadUint32(bytes, offset));
-        if (!std::isfinite(vertex[axis])) return AtByte(offset, "a coordinate is not finite");
+        if (!IsValidCoordinate(static_cast<double>(vertex[axis]))) {
+          return AtByte(offset, WhyNotCoordinate(static_cast<double>(vertex[axis])));
+        }
       }
       data.vertices.push_back(Vec3d(vertex));
     }
     AppendTriangle(&data);
+    offset += kAttributeBytes;
   }
   return data;
 }
@@ -90,14 +121,13 @@ class AsciiReader {
   Result<MeshData> Read() {
     for (;;) {
       if (cancel_.Spend(64)) return cancel_.ToError();
-      const std::uint64_t line_before = cursor_.line();
       const std::string_view word = NextWord();
       if (word.empty()) break;
       if (EqualsIgnoringCase(word, "facet")) {
         if (Status status = ReadFacet(); !status.ok()) return std::move(status).error();
-      } else if (EqualsIgnoringCase(word, "solid") || EqualsIgnoringCase(word, "endsolid")) {
+      } else if (BeginsOrEndsSolid(word)) {
         SkipName();
-      } else if (cursor_.line() != line_before) {
+      } else if (word_begins_line_) {
         return AtLine(cursor_.line(), Quoted(word) + " begins no statement of an STL file");
       }
     }
@@ -108,13 +138,48 @@ class AsciiReader {
   }
 
  private:
-  // The next word on this or a later line; empty at the end of the file.
+  // The next word on this or a later line; empty at the end of the file. Lines with a remark or a
+  // colour, which some programs add anywhere, are passed.
   std::string_view NextWord() {
     for (;;) {
       const std::string_view word = cursor_.NextWord();
-      if (!word.empty() || cursor_.AtEnd()) return word;
+      if (word.empty()) {
+        if (cursor_.AtEnd()) return word;
+        cursor_.NextLine();
+        begins_line_ = true;
+        continue;
+      }
+      if (!begins_line_ || !IsRemark(word)) {
+        word_begins_line_ = std::exchange(begins_line_, false);
+        return word;
+      }
       cursor_.NextLine();
     }
+  }
+
+  static bool IsRemark(std::string_view word) {
+    switch (word.front()) {
+      case '#':
+      case '$':
+      case ';':
+        return true;
+      case '/':
+        return word.starts_with("//");
+      default:
+        return EqualsIgnoringCase(word, "color") || EqualsIgnoringCase(word, "colour");
+    }
+  }
+
+  // The word that begins or ends a solid; its name may be glued to it, and an end may be written in
+  // two words.
+  bool BeginsOrEndsSolid(std::string_view word) {
+    if (EqualsIgnoringCase(word, "solid") || EqualsIgnoringCase(word, "endsolid")) return true;
+    if (EqualsIgnoringCase(word, "end")) {
+      TextCursor ahead = cursor_;
+      return EqualsIgnoringCase(ahead.NextWord(), "solid");
+    }
+    return word_begins_line_ &&
+           (StartsIgnoringCase(word, "endsolid") || StartsIgnoringCase(word, "solid"));
   }
 
   // A name ends with its line, or, when all stands on one line, where a facet begins.
@@ -123,62 +188,110 @@ class AsciiReader {
       TextCursor ahead = cursor_;
       const std::string_view word = ahead.NextWord();
       if (word.empty()) return;
-      if (EqualsIgnoringCase(word, "facet") && EqualsIgnoringCase(ahead.NextWord(), "normal")) {
-        return;
-      }
+      if (EqualsIgnoringCase(word, "facet") && BeginsLoop(ahead)) return;
       cursor_.NextWord();
     }
   }
 
+  // Whether a facet's loop follows at the cursor, with or without a normal; a name may hold the
+  // words "facet normal" too.
+  static bool BeginsLoop(TextCursor cursor) {
+    std::string_view word = cursor.NextWordOnAnyLine();
+    if (EqualsIgnoringCase(word, "normal")) {
+      for (int axis = 0; axis < 3; ++axis) cursor.NextWord();
+      word = cursor.NextWordOnAnyLine();
+    }
+    return EqualsIgnoringCase(word, "outer") || EqualsIgnoringCase(word, "outerloop");
+  }
+
   static bool IsKeyword(std::string_view word) {
-    static constexpr std::array<std::string_view, 9> kKeywords = {
-        "solid", "facet", "normal", "outer", "loop", "vertex", "endloop", "endfacet", "endsolid"};
+    static constexpr std::array<std::string_view, 10> kKeywords = {
+        "solid",  "facet",   "normal",   "outer",    "loop",
+        "vertex", "endloop", "endfacet", "endsolid", "end"};
     return std::any_of(kKeywords.begin(), kKeywords.end(),
                        [&](std::string_view k) { return EqualsIgnoringCase(word, k); });
   }
 
+  // Whether the word, with the one behind it, is the keyword, which may be written in one word or
+  // in two; passes both.
+  bool Is(std::string_view word, std::string_view keyword, std::string_view first_half) {
+    if (EqualsIgnoringCase(word, keyword)) return true;
+    if (first_half.empty()) return false;
+    std::string_view second_half = keyword.substr(first_half.size());
+    if (second_half.starts_with(' ')) second_half.remove_prefix(1);
+    if (StartsIgnoringCase(word, first_half) &&
+        EqualsIgnoringCase(word.substr(first_half.size()), second_half)) {
+      return true;
+    }
+    if (!EqualsIgnoringCase(word, first_half)) return false;
+    TextCursor ahead = cursor_;
+    if (!EqualsIgnoringCase(ahead.NextWord(), second_half)) return false;
+    cursor_ = ahead;
+    return true;
+  }
+
   // Passes the keyword that must come next. Other words are allowed before it on the line of the
-  // statement before: the numbers of a normal, or remarks.
-  Status Expect(std::string_view keyword) {
-    const std::uint64_t line_before = cursor_.line();
+  // statement before: the numbers of a normal, or remarks. `first_half`: of a keyword that may be
+  // written in two words.
+  Status Expect(std::string_view keyword, std::string_view first_half = {}) {
     for (;;) {
       const std::string_view word = NextWord();
-      if (EqualsIgnoringCase(word, keyword)) return {};
       if (word.empty()) {
         return AtLine(cursor_.line(), "the file ends where '" + std::string(keyword) + "' must be");
       }
-      if (cursor_.line() != line_before || IsKeyword(word)) {
-        return AtLine(cursor_.line(),
-                      Quoted(word) + " where '" + std::string(keyword) + "' must be");
+      if (Is(word, keyword, first_half)) return {};
+      if (!word_begins_line_ && !IsKeyword(word)) continue;
+      if (EqualsIgnoringCase(word, "normal") && !has_normal_) {
+        has_normal_ = true;
+        continue;
       }
+      return AtLine(cursor_.line(), Quoted(word) + " where '" + std::string(keyword) + "' must be");
     }
   }
 
   Status ReadFacet() {
     if (data_.triangles.size() == kMaxTriangles) return TooLarge(kMaxTriangles + 1);
-    for (const std::string_view keyword : {"normal", "outer", "loop"}) {
-      if (Status status = Expect(keyword); !status.ok()) return status;
-    }
+    has_normal_ = false;
+    if (Status status = Expect("outer loop", "outer"); !status.ok()) return status;
+    has_normal_ = true;
     for (int corner = 0; corner < 3; ++corner) {
       if (Status status = Expect("vertex"); !status.ok()) return status;
       Vec3d vertex;
       for (int axis = 0; axis < 3; ++axis) {
         const std::string_view word = cursor_.NextWord();
-        const std::optional<double> number = ParseNumber(word);
+        const std::optional<double> number = ParseCoordinate(word);
         if (!number) return AtLine(cursor_.line(), WhyNotNumber(word));
+        if (!IsValidCoordinate(*number)) {
+          return AtLine(cursor_.line(), WhyNotCoordinate(*number, word));
+        }
         vertex[axis] = *number;
       }
       data_.vertices.push_back(vertex);
     }
     AppendTriangle(&data_);
-    if (Status status = Expect("endloop"); !status.ok()) return status;
-    return Expect("endfacet");
+    if (Status status = Expect("endloop", "end"); !status.ok()) return status;
+    return Expect("endfacet", "end");
   }
 
+  bool begins_line_ = true;        // the cursor is in front of a line's first word
+  bool word_begins_line_ = false;  // the last word was the first of its line
+  bool has_normal_ = true;         // the facet has one already, or may have none any more
   TextCursor cursor_;
   CancelPoll cancel_;
   MeshData data_;
 };
+
+// Whether a file that is not as long as its count says is a text, by its first 84 bytes. A count
+// has a byte of 0 unless it is above 16 million.
+bool BeginsAsText(std::string_view head) {
+  if (head.find('\0') != std::string_view::npos) return false;
+  TextCursor cursor(head, {});
+  if (cursor.FindLineWithWords() && StartsIgnoringCase(cursor.NextWord(), "solid")) return true;
+  return std::all_of(head.begin(), head.end(), [](char c) {
+    const auto byte = static_cast<unsigned char>(c);
+    return byte >= '\t' && byte < 0xf8;
+  });
+}
 
 }  // namespace
 
@@ -190,20 +303,13 @@ Result<MeshData> ReadStl(std::span<const std::byte> bytes, const MeshReadOptions
   if (HasBinaryStlSize(bytes)) return ReadBinary(bytes, options);
   const std::string_view text = SkipByteOrderMark(
       std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
-  TextCursor cursor(text, {});
-  const bool is_solid =
-      cursor.FindLineWithWords() && EqualsIgnoringCase(cursor.NextWord(), "solid");
-  if (is_solid && text.substr(0, kFirstRecord).find('\0') == std::string_view::npos) {
-    return AsciiReader(text, options).Read();
+  if (BeginsAsText(text.substr(0, kFirstRecord))) {
+    return AsciiReader(WithoutPadding(text), options).Read();
   }
   if (bytes.size() < kFirstRecord) {
     return AtByte(bytes.size(), "a binary STL file has at least 84 bytes");
   }
-  return AtByte(kHeaderBytes, "as a binary STL, with a count of " +
-                                  std::to_string(LoadUint32(bytes, kHeaderBytes)) +
-                                  " triangles, the file would have " +
-                                  std::to_string(BinarySize(bytes)) + " bytes; it has " +
-                                  std::to_string(bytes.size()));
+  return ReadBinary(bytes, options);
 }
 
 }  // namespace kdray::core

@@ -23,6 +23,7 @@ Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelT
   facts.bounds = mesh->bounds();
   facts.health = CheckHealth(*mesh, *data);
   facts.double_vertices = mesh->has_double_vertices();
+  facts.wider_than_declared = data->wider_than_declared;
   facts.frame = mesh->frame();
   facts.shortest_edge = mesh->shortest_edge();
   facts.memory_bytes = mesh->bytes();

@@ -24,7 +24,8 @@ struct MeshFacts {
   std::uint64_t vertices = 0;  ///< as stored in the file
   Bounds3d bounds;             ///< world units; of the vertices that triangles use
   MeshHealth health;
-  bool double_vertices = false;  ///< local vertices are kept in double
+  bool double_vertices = false;      ///< local vertices are kept in double
+  bool wider_than_declared = false;  ///< MeshData::wider_than_declared
   MeshFrame frame;
   double shortest_edge = 0;        ///< TriangleMesh::shortest_edge, local units
   std::uint64_t memory_bytes = 0;  ///< of the mesh in memory

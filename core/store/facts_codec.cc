@@ -22,6 +22,7 @@ void PutMeshFacts(const MeshFacts& facts, CheckedWriter* writer) {
   PutBool(facts.health.closed, writer);
   writer->Put(facts.health.coordinate_resolution);
   PutBool(facts.double_vertices, writer);
+  PutBool(facts.wider_than_declared, writer);
   writer->Put(facts.frame.origin);
   writer->Put(std::int32_t{facts.frame.exponent});
   writer->Put(facts.shortest_edge);
@@ -45,6 +46,7 @@ MeshFacts GetMeshFacts(CheckedReader* reader) {
   facts.health.closed = GetBool(reader);
   facts.health.coordinate_resolution = reader->Get<double>();
   facts.double_vertices = GetBool(reader);
+  facts.wider_than_declared = GetBool(reader);
   facts.frame.origin = reader->Get<Vec3d>();
   facts.frame.exponent = reader->Get<std::int32_t>();
   facts.shortest_edge = reader->Get<double>();

@@ -16,7 +16,7 @@ inline constexpr bool kStorable<TriangleIndices> = true;
 namespace {
 
 // Raise the version whenever parsing or the layout changes what a file would hold.
-constexpr FileKind kMeshFileKind{"kdraymsh", 1};
+constexpr FileKind kMeshFileKind{"kdraymsh", 2};
 
 std::vector<std::uint8_t> PackBits(const std::vector<bool>& flags) {
   std::vector<std::uint8_t> packed((flags.size() + 7) / 8);

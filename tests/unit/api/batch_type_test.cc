@@ -37,6 +37,13 @@ TEST(BatchTypes, FollowTheNameWhereTheBytesAreNeither) {
   }
 }
 
+TEST(BatchTypes, LeaveArchivesToTheReaderOfArrays) {
+  for (const std::string_view body : {"PK\x03\x04rest", "\x1f\x8b\x08rest"}) {
+    EXPECT_EQ(*DetectBatchType(body, std::nullopt), kNpy);
+    EXPECT_EQ(*DetectBatchType(body, "application/json"), kNpy);
+  }
+}
+
 TEST(BatchTypes, RefuseOtherNames) {
   for (const std::string_view named :
        {"text/plain", "text/plain;charset=UTF-8", "application/xml", "multipart/form-data",

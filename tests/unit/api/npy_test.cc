@@ -63,6 +63,13 @@ TEST(Npy, ReadsShapesOfAnyRank) {
   EXPECT_EQ(shape_of(ones + ")", 1).size(), 33u);
 }
 
+TEST(Npy, SaysWhatArchivesAreAndWhatToSend) {
+  const auto detail = [](std::string_view body) { return ReadNpy(body).problem().detail; };
+  EXPECT_THAT(detail("PK\x03\x04rest"),
+              HasSubstr("perhaps an .npz file; send one array as an .npy"));
+  EXPECT_THAT(detail("\x1f\x8b\x08rest"), HasSubstr("gzip data; send the .npy file itself"));
+}
+
 TEST(Npy, RefusesWhatIsNoHeaderOfFloats) {
   struct Case {
     std::string_view header, detail;

@@ -15,10 +15,10 @@ using testing::ElementsAre;
 const std::string kSquare = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
 TEST(ObjReader, ReadsVerticesAndFacesInFileOrder) {
-  const MeshData data = MustRead("v 0 0 0.1\nv 1 0 0\nv 0 1 0\nv 1 1 1e300\nf 1 2 3\nf 2 4 3\n");
+  const MeshData data = MustRead("v 0 0 0.1\nv 1 0 0\nv 0 1 0\nv 1 1 1e30\nf 1 2 3\nf 2 4 3\n");
   EXPECT_EQ(data.format, MeshFormat::kObj);
   EXPECT_THAT(data.vertices,
-              ElementsAre(Vec3d{0, 0, 0.1}, Vec3d{1, 0, 0}, Vec3d{0, 1, 0}, Vec3d{1, 1, 1e300}));
+              ElementsAre(Vec3d{0, 0, 0.1}, Vec3d{1, 0, 0}, Vec3d{0, 1, 0}, Vec3d{1, 1, 1e30}));
   EXPECT_THAT(data.triangles, ElementsAre(TriangleIndices{0, 1, 2}, TriangleIndices{1, 3, 2}));
   EXPECT_FALSE(data.single_precision);
 }
@@ -59,6 +59,52 @@ TEST(ObjReader, SkipsOtherStatements) {
       kSquare + "f 1 2 3 # f 2 3 4\n");
   EXPECT_EQ(data.triangles.size(), 1u);
   EXPECT_EQ(data.dropped, 0u);
+}
+
+TEST(ObjReader, SkipsRemarksOfEveryKindAndPaddingAtTheEnd) {
+  for (const std::string& text : {
+           "# header\n$ distributed at an FTP site\n#\n" + kSquare + "f 1 2 3\n",
+           "// made by hand\n" + kSquare + "//faces\nf 1 2 3\n",
+           "; remark\n! remark\n* remark\n% remark\n" + kSquare + "f 1 2 3\n",
+           "newmtl Blue\nKd 0 0 1\nusemtl Blue\n" + kSquare + "f 1 2 3\n",
+           "mtlib a.mtl\n" + kSquare + "f 1 2 3\n",
+           "Exported by a program, version 1\n\n" + kSquare + "f 1 2 3\n",
+           "\xef\xbb\xbf$ remark\r\n" + kSquare + "f 1 2 3\r\n",
+           "\xc3\xa4 remark\n" + kSquare + "f 1 2 3\n",
+           "unknown\nf 1/1/1 2/2/2 3/3/3\n" + kSquare,
+           kSquare + "f 1 2 3\n\x1a",
+           kSquare + "f 1 2 3" + std::string(1, '\x1a') + "\r\n",
+           kSquare + "f 1 2 3\n" + std::string(700, '\0'),
+       }) {
+    SCOPED_TRACE(text);
+    const MeshData data = MustRead(text);
+    EXPECT_EQ(data.format, MeshFormat::kObj);
+    EXPECT_THAT(data.triangles, ElementsAre(TriangleIndices{0, 1, 2}));
+  }
+}
+
+TEST(ObjReader, JoinsNoStatementToANameThatEndsWithABackslash) {
+  for (const std::string end : {"\n", "\r\n"}) {
+    EXPECT_EQ(MustRead(kSquare + "usemtl D:\\maps\\" + end + "f 1 2 3\nf 1 3 4\n").triangles.size(),
+              2u);
+    EXPECT_EQ(MustRead("mtllib C:\\" + end + kSquare + "f 1 2 3\n").vertices.size(), 4u);
+    // What goes on with another name is one statement, whatever it says.
+    EXPECT_EQ(MustRead(kSquare + "g a \\" + end + "7 b\nf 1 2 3\n").triangles.size(), 1u);
+  }
+}
+
+TEST(ObjReader, AllowsAnyCoordinateInAVertexThatNoFaceUses) {
+  for (const char* number : {"nan", "-NaN", "inf", "-Infinity", "1.#QNAN", "-1.#IND00", "1.#INF",
+                             "1e39", "1e400", "-1e400"}) {
+    SCOPED_TRACE(number);
+    const std::string vertex = "v 0 " + std::string(number) + " 0\n";
+    const MeshData data = MustRead(vertex + kSquare + "f 2 3 4\nf 1 2\n");
+    EXPECT_EQ(data.triangles.size(), 1u);
+    EXPECT_EQ(data.vertices.size(), 5u);
+    const Error error = MustRefuse("# remark\n" + kSquare + "f 2 3 5\n" + vertex);
+    EXPECT_EQ(error.code, ErrorCode::kInvalidMesh);
+    EXPECT_EQ(error.line, 7u);
+  }
 }
 
 TEST(ObjReader, TakesAnyLineEndContinuationTabsAndAByteOrderMark) {
@@ -111,9 +157,17 @@ TEST(ObjReader, NamesTheLineAndTheCause) {
            Case{kSquare + "f 1 9", 5, "line 5: vertex 9 does not exist; the file has 4"},
            Case{"v 0 0\nf 1 1 1", 1, "line 1: a number is missing"},
            Case{"v 0 0 0\r\n\r\nv 0 0 x\r\n", 3, "line 3: 'x' is not a number"},
-           Case{"v 0 0 nan\n", 1, "line 1: 'nan' is not a finite number"},
+           Case{
+               kSquare + "\nv 0 nan 0\nf 1 2 5\n", 6,
+               "line 6: y of vertex 5 (counted from 1), which a face uses: the coordinate 'nan' is "
+               "not finite"},
            Case{"v 0,0 0,0 1,5\n", 1, "line 1: '0,0' is not a number"},
-           Case{"v 0 0 1e400\n", 1, "line 1: '1e400' is beyond the range of double"},
+           Case{
+               "f 1 1 1\nv 0 0 -1e39\n", 2,
+               "line 2: z of vertex 1 (counted from 1), which a face uses: the coordinate '-1e+39' "
+               "is beyond 3.4e38"},
+           Case{kSquare + "-1 2 3\n", 5, "line 5: '-1' begins no statement of an OBJ file"},
+           Case{kSquare + ".5 2 3\n", 5, "line 5: '.5' begins no statement of an OBJ file"},
            Case{"v 0 0 0\n1 2 3\n", 2, "line 2: '1' begins no statement of an OBJ file"},
            Case{kSquare + std::string("\0f 1 2 3", 8), 5,
                 "line 5: '\\x00f' begins no statement of an OBJ file"},

@@ -78,7 +78,8 @@ TEST(StlReader, NamesTheByteOfACoordinateThatIsNotFinite) {
   for (const float value : {NAN, std::numeric_limits<float>::infinity()}) {
     std::string file = Binary(2);
     file.replace(84 + 50 + 12 + 16, 4, Raw(value));
-    ExpectInvalidAtByte(file, 162, "byte 162: a coordinate is not finite");
+    const std::string named = std::isnan(value) ? "'nan'" : "'inf'";
+    ExpectInvalidAtByte(file, 162, "byte 162: the coordinate " + named + " is not finite");
   }
 }
 
@@ -112,6 +113,70 @@ TEST(StlReader, TakesAsciiFilesAsProgramsWriteThem) {
   EXPECT_EQ(MustRead(one_line).triangles.size(), 2u);
 }
 
+TEST(StlReader, TakesAsciiFilesWithTheLibertiesThatProgramsTake) {
+  const auto with = [](std::string text, const std::string& piece, const std::string& other) {
+    for (std::size_t at = text.find(piece); at != std::string::npos;
+         at = text.find(piece, at + other.size())) {
+      text.replace(at, piece.size(), other);
+    }
+    return text;
+  };
+  const std::string facets = kFacet + kFacet;
+  const std::string plain = "solid s\n" + facets + "endsolid s\n";
+  for (const std::string& text : {
+           with(plain, "endloop", "end loop"),
+           with(plain, "endfacet", "end facet"),
+           with(plain, "endsolid", "end solid"),
+           with(with(with(plain, "endloop", "END LOOP"), "endfacet", "End Facet"), "outer loop",
+                "OuterLoop"),
+           with(plain, "endsolid s", "endsolids"),
+           with(plain, "solid s", "solid_of_mine"),
+           with(plain, "solid s\n", "solid s\n color 0.5 0.5 0.5\n"),
+           with(plain, " outer", "  color 0.5 0.5 0.5\n outer"),
+           with(plain, " endloop", "  COLOR 1 1 1\n endloop"),
+           with(plain, "endfacet\n", "endfacet\ncolour 1 1 1\n"),
+           with(plain, "  vertex 1", "# remark\n  vertex 1"),
+           "# made by hand\n\n" + plain,
+           "// made by hand\n" + plain,
+           "$ made by hand\n# solid remark\n" + plain,
+           with(plain, "normal 0 0 1", ""),
+           with(plain, "normal 0 0 1", "0 0 1"),
+           with(plain, "normal 0 0 1", "normal"),
+           with(plain, "solid s\n", "solid test of facet normal lamp\n"),
+           with(plain, "solid s\n", "solid facet normal 0 0 1\n"),
+           with(plain, "solid s\n", "solid outer loop vertex endsolid end facet\n"),
+           with(plain, "endsolid s\n", "endsolid facet normal 0 0 1\n"),
+           plain + std::string(100, '\0'),
+           plain + "\x1a",
+       }) {
+    SCOPED_TRACE(text);
+    const MeshData data = MustRead(text);
+    EXPECT_EQ(data.format, MeshFormat::kStl);
+    EXPECT_EQ(data.triangles.size(), 2u);
+  }
+}
+
+TEST(StlReader, GoesBySizeWhereABinaryFileDoesNotSayItsCount) {
+  const std::string unknown = Binary(2).replace(80, 4, Raw<std::uint32_t>(0));
+  EXPECT_EQ(MustRead(unknown).triangles.size(), 2u);
+  const Error error = MustRefuse(unknown + "x");
+  EXPECT_EQ(error.byte, 80u);
+}
+
+TEST(StlReader, PassesNothingButNulBytesBehindTheLastRecord) {
+  for (const char* header : {"made by hand", "solid cube"}) {
+    for (const std::size_t padding : {1, 92, 100}) {
+      EXPECT_EQ(MustRead(Binary(2, header) + std::string(padding, '\0')).triangles.size(), 2u);
+    }
+    // They could be triangles.
+    const Error error = MustRefuse(Binary(2, header) + Record(7));
+    EXPECT_EQ(error.byte, 80u);
+    EXPECT_EQ(error.message,
+              "byte 80: as a binary STL, with a count of 2 triangles, the file would have 184 "
+              "bytes; it has 234");
+  }
+}
+
 TEST(StlReader, MakesOneMeshOfSeveralSolids) {
   EXPECT_EQ(
       MustRead("solid a\n" + kFacet + "endsolid a\nsolid b\n" + kFacet + kFacet + "endsolid b\n")
@@ -133,13 +198,16 @@ TEST(StlReader, NamesTheLineAndTheCauseInAnAsciiFile) {
            Case{begin + two + two + " endloop\nendfacet\n", 7,
                 "line 7: 'vertex' where 'endloop' must be"},
            Case{begin + two + "  vertex 0 1\n", 6, "line 6: a number is missing"},
-           Case{begin + two + "  vertex 0 1 nan\n", 6, "line 6: 'nan' is not a finite number"},
+           Case{begin + two + "  vertex 0 1 nan\n", 6,
+                "line 6: the coordinate 'nan' is not finite"},
+           Case{begin + two + "  vertex 0 1 1e39\n", 6,
+                "line 6: the coordinate '1e39' is beyond 3.4e38"},
            Case{begin + two + "  vertex 0 1 zero\n", 6, "line 6: 'zero' is not a number"},
            Case{begin + two, 6, "line 6: the file ends where 'vertex' must be"},
-           Case{"solid a\nfacet 0 0 1\n outer loop\n" + two, 3,
-                "line 3: 'outer' where 'normal' must be"},
+           Case{"solid a\nfacet normal 0 0 1\nnormal 0 0 1\n outer loop\n" + two, 3,
+                "line 3: 'normal' where 'outer loop' must be"},
            Case{"solid a\nfacet normal 0 0 1\n inner loop\n" + two, 3,
-                "line 3: 'inner' where 'outer' must be"},
+                "line 3: 'inner' where 'outer loop' must be"},
            Case{"solid a\n" + kFacet + "face\n", 9,
                 "line 9: 'face' begins no statement of an STL file"},
            Case{"solid a\n" + kFacet.substr(0, kFacet.size() - 9) + kFacet, 8,

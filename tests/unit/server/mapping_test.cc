@@ -198,6 +198,13 @@ TEST(Plan, SaysStructureVerticesPrecisionAndWhatIsNotPromised) {
       plan, HasSubstr("With watertight and fast, rays are answered on vertices rounded to float"));
   EXPECT_THAT(plan, HasSubstr("The mesh is closed"));
 
+  EXPECT_THAT(plan, Not(HasSubstr("calls its coordinates floats")));
+  record.mesh->wider_than_declared = true;
+  EXPECT_THAT(
+      DescribePlan(record),
+      HasSubstr("The file calls its coordinates floats, but writes numbers with more digits "
+                "than floats have; they are read as doubles."));
+  record.mesh->wider_than_declared = false;
   record.mesh->double_vertices = false;
   record.mesh->shortest_edge = 1e-9;
   EXPECT_THAT(DescribePlan(record), HasSubstr("auto means double: the shortest edges"));

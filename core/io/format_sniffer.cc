@@ -1,0 +1,123 @@
+#include "core/io/format_sniffer.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <span>
+#include <string>
+
+#include "core/io/foreign_files.h"
+#include "core/io/mesh_error.h"
+#include "core/io/obj_reader.h"
+#include "core/io/off_reader.h"
+#include "core/io/parse_text.h"
+#include "core/io/stl_reader.h"
+
+namespace kdray::core {
+namespace {
+
+// How far a line is looked for that tells the format of a text that begins with something else.
+constexpr std::size_t kLookBytes = 1 << 20;
+
+bool IsCount(std::string_view word) {
+  const std::optional<std::int64_t> number = ParseCount(word);
+  return number && *number >= 0;
+}
+
+// What the first statement of the text says, `cursor` in front of it.
+std::optional<MeshFormat> FindByFirstStatement(TextCursor cursor) {
+  const std::string_view first = cursor.NextWord();
+  if (EqualsIgnoringCase(first, "solid")) return MeshFormat::kStl;
+  if (IsOffKeyword(first)) return MeshFormat::kOff;
+  if (IsObjKeyword(first)) return MeshFormat::kObj;
+  // OFF without its keyword begins with three counts.
+  if (IsCount(first) && IsCount(cursor.NextWord()) && IsCount(cursor.NextWord()) &&
+      cursor.NextWord().empty()) {
+    return MeshFormat::kOff;
+  }
+  return std::nullopt;
+}
+
+// The corner of an OBJ face begins with a number that is not 0.
+bool IsCorner(std::string_view word) {
+  const std::optional<std::int64_t> number = ParseInteger(word.substr(0, word.find('/')));
+  return number && *number != 0;
+}
+
+template <class F>
+bool AreNextThree(TextCursor& cursor, F&& is) {
+  return is(cursor.NextWord()) && is(cursor.NextWord()) && is(cursor.NextWord());
+}
+
+// The first line that could stand in one format only.
+std::optional<MeshFormat> FindByAnyStatement(std::string_view text) {
+  TextCursor cursor(text.substr(0, kLookBytes), {.hash_comments = true});
+  for (; cursor.FindLineWithWords(); cursor.NextLine()) {
+    const std::string_view word = cursor.NextWord();
+    if (word == "v" &&
+        AreNextThree(cursor, [](auto w) { return ParseCoordinate(w).has_value(); })) {
+      return MeshFormat::kObj;
+    }
+    if (word == "f" && AreNextThree(cursor, IsCorner)) return MeshFormat::kObj;
+    if (EqualsIgnoringCase(word, "facet") || EqualsIgnoringCase(word, "solid")) {
+      return MeshFormat::kStl;
+    }
+  }
+  return std::nullopt;
+}
+
+// Bytes that are in no text in UTF-8.
+bool IsBinary(std::string_view bytes) {
+  return std::any_of(bytes.begin(), bytes.end(), [](char c) {
+    const auto byte = static_cast<unsigned char>(c);
+    return byte >= 0xf8 || (byte < ' ' && (byte < '\t' || byte > '\r'));
+  });
+}
+
+Error Unknown(std::string_view all, std::string_view text) {
+  if (IsListOfPoints(text)) {
+    return UnsupportedFormat("a list of points", kNoFacesAdvice);
+  }
+  if (HasLostItsLineBreaks(text)) {
+    return UnsupportedFormat("of no format that is known here", kLineBreaksAdvice);
+  }
+  const std::string_view first = all.substr(0, std::min(all.find_first_of("\r\n"), all.size()));
+  return UnsupportedFormat("of no format that is known here (they begin with " + Quoted(first) +
+                           ")");
+}
+
+}  // namespace
+
+Error UnsupportedFormat(std::string_view what, std::string_view advice) {
+  std::string message = "the bytes are " + std::string(what);
+  if (!advice.empty()) message += "; " + std::string(advice);
+  return Error{ErrorCode::kUnsupportedMeshFormat, message + "; the formats are obj, ply, stl, off"};
+}
+
+Result<MeshFormat> FindFormat(std::string_view bytes) {
+  // Before anything else, because the header of a binary STL may read like any other format.
+  if (HasBinaryStlSize(std::as_bytes(std::span(bytes)))) return MeshFormat::kStl;
+  if (const std::optional<ForeignFile> foreign = FindForeignFile(bytes)) {
+    return UnsupportedFormat(foreign->name, foreign->advice);
+  }
+  const std::string_view text = WithoutPadding(SkipByteOrderMark(bytes));
+  if (text.starts_with("ply") && (text.size() == 3 || text[3] <= ' ')) return MeshFormat::kPly;
+  if (text.starts_with("plyformat") || text.starts_with("plycomment")) {
+    return UnsupportedFormat("a PLY file without its line breaks", kLineBreaksAdvice);
+  }
+
+  TextCursor cursor(text, {.hash_comments = true});
+  if (!cursor.FindLineWithWords()) {
+    std::string message = "the mesh holds nothing but blanks and comments";
+    if (HasLostItsLineBreaks(text)) message += "; " + std::string(kLineBreaksAdvice);
+    return Error{ErrorCode::kEmptyMesh, message};
+  }
+  if (const std::optional<MeshFormat> format = FindByFirstStatement(cursor)) return *format;
+  // What is no text, and not known otherwise, can only be a binary STL whose count is wrong.
+  if (IsBinary(bytes.substr(0, 84))) {
+    return bytes.size() >= 84 ? Result<MeshFormat>(MeshFormat::kStl) : Unknown(bytes, text);
+  }
+  if (const std::optional<MeshFormat> format = FindByAnyStatement(text)) return *format;
+  return Unknown(bytes, text);
+}
+
+}  // namespace kdray::core

@@ -1,0 +1,40 @@
+// The one rule on coordinates that every format shares: one that is not finite, or beyond
+// kMaxCoordinate, makes a mesh invalid only in a vertex that a face uses.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "core/base/result.h"
+#include "core/geometry/triangle_mesh.h"
+#include "core/io/mesh_reader.h"
+
+namespace kdray::core {
+
+inline bool IsValidCoordinate(double value) {
+  return std::fabs(value) <= kMaxCoordinate;  // false for NaN
+}
+inline bool IsValidVertex(const Vec3d& vertex) {
+  return IsValidCoordinate(vertex.x) && IsValidCoordinate(vertex.y) && IsValidCoordinate(vertex.z);
+}
+
+/// The first axis on which the vertex is not valid.
+inline int InvalidAxis(const Vec3d& vertex) {
+  return !IsValidCoordinate(vertex.x) ? 0 : !IsValidCoordinate(vertex.y) ? 1 : 2;
+}
+
+/// Why the coordinate is not valid; `written`: as it stands in a text file.
+std::string WhyNotCoordinate(double value, std::string_view written = {});
+
+/// Why the vertex with that number (from 0), which a face uses, is not valid.
+std::string WhyNotVertex(const MeshData& data, std::size_t vertex);
+
+/// The first vertex, in file order, that a triangle uses and that is not valid. Also kCancelled and
+/// kDeadlineExceeded. O(triangles); for files in which a reader has seen such a vertex.
+Result<std::optional<std::size_t>> FindInvalidVertex(const MeshData& data,
+                                                     const MeshReadOptions& options);
+
+}  // namespace kdray::core
