@@ -1,11 +1,11 @@
 // Counts what the cutting of polygons costs, for a bound per file and for cancellation.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <utility>
 
 #include "core/base/cancel.h"
+#include "core/base/cancel_poll.h"
 
 namespace kdray::core {
 
@@ -14,33 +14,27 @@ namespace kdray::core {
 class CutMeter {
  public:
   /// No step is allowed yet.
-  explicit CutMeter(CancelToken token) : token_(std::move(token)) {}
+  explicit CutMeter(CancelToken token) : poll_(std::move(token)) {}
 
   void Allow(std::uint64_t steps) { allowed_ += steps; }
 
   /// Counts steps. True when it is time to give up: the token asks for it, or more steps were
-  /// spent than allowed. Once true, always true. Looks at the token every 131,072 steps.
+  /// spent than allowed. Once true, true for ever unless more is allowed.
   bool Spend(std::uint64_t steps) {
     spent_ += steps;
-    return spent_ >= next_look_ && Look();
+    return poll_.Spend(steps) || exhausted();
   }
-  bool stopped() const { return stopped_; }
+  bool stopped() const { return poll_.stopped() || exhausted(); }
   bool exhausted() const { return spent_ > allowed_; }
   std::uint64_t allowed() const { return allowed_; }
   std::uint64_t spent() const { return spent_; }
+  /// The token's.
+  Error ToError() const { return poll_.ToError(); }
 
  private:
-  bool Look() {
-    stopped_ = stopped_ || exhausted() || token_.ShouldStop();
-    next_look_ = stopped_ ? 0 : std::min(spent_ + 131072, allowed_ + 1);
-    return stopped_;
-  }
-
-  CancelToken token_;
+  CancelPoll poll_;
   std::uint64_t allowed_ = 0;
   std::uint64_t spent_ = 0;
-  std::uint64_t next_look_ = 0;
-  bool stopped_ = false;
 };
 
 }  // namespace kdray::core

@@ -98,7 +98,7 @@ bool IsConvexPath(std::span<const Point2> path) {
 }
 
 PolygonCutter::PolygonCutter(MeshData* mesh, CancelToken cancel, std::uint64_t steps_per_file)
-    : mesh_(mesh), cancel_(cancel), meter_(std::move(cancel)), ears_(&meter_) {
+    : mesh_(mesh), meter_(std::move(cancel)), ears_(&meter_) {
   meter_.Allow(steps_per_file);
 }
 
@@ -190,7 +190,7 @@ void PolygonCutter::MirrorPath() {
 }
 
 Status PolygonCutter::WhyStopped(std::size_t corners) const {
-  if (!meter_.exhausted()) return cancel_.ToError();
+  if (!meter_.exhausted()) return meter_.ToError();
   return Error{ErrorCode::kInvalidMesh,
                "cutting the polygons up to this one, of " + std::to_string(corners) +
                    " corners, into triangles takes more than the " +

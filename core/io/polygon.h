@@ -79,7 +79,6 @@ class PolygonCutter {
   Status WhyStopped(std::size_t corners) const;
 
   MeshData* mesh_;
-  CancelToken cancel_;
   CutMeter meter_;
   EarCutter ears_;
   std::vector<Point2> path_;
