@@ -336,6 +336,20 @@ TEST(PolygonCutter, BoundsTheStepsOfAllPolygonsOfAFileTogether) {
                 " steps allowed; polygons that cost so much cross themselves very often");
 }
 
+TEST(PolygonCutter, StopsWhenAsked) {
+  std::vector<Point2> path = RegularPath(2000, 1);
+  for (std::size_t i = 0; i < path.size(); i += 2) path[i] = {path[i].x / 2, path[i].y / 2};
+  MeshData data;
+  data.vertices = InPlaneZ(path);
+  std::vector<std::uint32_t> corners(path.size());
+  std::iota(corners.begin(), corners.end(), 0u);
+  const CancelToken cancel = CancelToken::Cancellable();
+  cancel.Cancel();
+  const Status status = PolygonCutter(&data, cancel).Add(corners);
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().code, ErrorCode::kCancelled);
+}
+
 double ThreadSeconds(pthread_t thread) {
   clockid_t clock;
   timespec time;
