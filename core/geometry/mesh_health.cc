@@ -6,7 +6,6 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <numeric>
 #include <span>
 #include <tuple>
 #include <vector>
@@ -14,35 +13,59 @@
 namespace kdray::core {
 namespace {
 
-// Values by key: those of key k are values[start[k]] up to values[start[k + 1]].
-struct Groups {
-  std::vector<std::uint32_t> start;
-  std::vector<std::uint64_t> values;
-
-  std::size_t size() const { return start.size() - 1; }
-  std::span<std::uint64_t> operator[](std::size_t key) {
-    return std::span(values).subspan(start[key], start[key + 1] - start[key]);
+// Values by key, for one slice of keys at a time, so that memory is bounded by the largest slice:
+// those of key k are values[start[k]] up to values[start[k + 1]].
+template <class Value>
+class Groups {
+ public:
+  /// for_each(emit) must call emit(key, value) the same way each time; key < keys.
+  template <class ForEach>
+  Groups(std::size_t keys, const ForEach& for_each) : start_(keys + 1) {
+    for_each([&](std::size_t key, Value) { ++start_[key]; });
   }
-};
 
-// for_each(emit) must call emit(key, value) the same way each time; key < keys.
-template <class ForEach>
-Groups GroupByKey(std::size_t keys, const ForEach& for_each) {
-  Groups groups;
-  groups.start.assign(keys + 1, 0);
-  for_each([&](std::size_t key, std::uint64_t) { ++groups.start[key]; });
-  std::partial_sum(groups.start.begin(), groups.start.end(), groups.start.begin());
-  groups.values.resize(groups.start.back());
-  for_each([&](std::size_t key, std::uint64_t value) {
-    groups.values[--groups.start[key]] = value;  // from the end of the group down to its start
-  });
-  return groups;
-}
+  std::size_t keys() const { return start_.size() - 1; }
+  /// Before the key was in a slice.
+  std::size_t CountOf(std::size_t key) const { return start_[key]; }
+
+  /// Gathers the values of the keys from `first` on, as many keys as have at most `most` values,
+  /// but at least one; returns the first key after them. Each key once, in order.
+  template <class ForEach>
+  std::size_t Gather(std::size_t first, std::size_t most, const ForEach& for_each) {
+    std::size_t last = first;
+    std::size_t count = 0;
+    while (last < keys() && (last == first || count + start_[last] <= most)) {
+      count += start_[last];
+      start_[last] = static_cast<std::uint32_t>(count);
+      ++last;
+    }
+    // Never two of them at once, as a vector that grows would have.
+    if (values_.capacity() < count) values_ = std::vector<Value>();
+    values_.resize(count);
+    last_ = last;
+    for_each([&](std::size_t key, Value value) {
+      // From the end of the group down to its start.
+      if (key >= first && key < last) values_[--start_[key]] = value;
+    });
+    return last;
+  }
+
+  /// Of a key of the slice.
+  std::span<Value> operator[](std::size_t key) {
+    const std::size_t end = key + 1 < last_ ? start_[key + 1] : values_.size();
+    return std::span(values_).subspan(start_[key], end - start_[key]);
+  }
+
+ private:
+  std::vector<std::uint32_t> start_;  // counts, until the key is in a slice
+  std::vector<Value> values_;
+  std::size_t last_ = 0;  // of the slice
+};
 
 // Equal values get neighbours; visit(first, last) is called for each run of values that `same`
 // holds for.
-template <class Same, class Visit>
-void ForEachRun(std::span<const std::uint64_t> values, const Same& same, const Visit& visit) {
+template <class Value, class Same, class Visit>
+void ForEachRun(std::span<const Value> values, const Same& same, const Visit& visit) {
   for (std::size_t first = 0, last = 0; first < values.size(); first = last) {
     while (last < values.size() && same(values[first], values[last])) ++last;
     visit(values.subspan(first, last - first));
@@ -61,82 +84,144 @@ std::uint64_t HashPosition(const Vec3d& p) {
 
 // For each vertex that triangles use, the first vertex at the same position. Hashed into small
 // groups and sorted in each, so that positions chosen to collide cost O(n log n) too.
-std::vector<std::uint32_t> JoinPositions(const MeshData& data) {
-  const std::vector<Vec3d>& vertices = data.vertices;
+template <class T>
+std::vector<std::uint32_t> JoinPositions(std::span<const Vec3<T>> vertices,
+                                         std::span<const TriangleIndices> triangles) {
   std::vector<bool> used(vertices.size());
-  for (const TriangleIndices& triangle : data.triangles) {
+  for (const TriangleIndices& triangle : triangles) {
     for (const std::uint32_t index : triangle) used[index] = true;
   }
   const std::size_t keys = std::bit_ceil(vertices.size() / 4 + 1);
-  Groups groups = GroupByKey(keys, [&](const auto& emit) {
+  const auto for_each = [&](const auto& emit) {
     for (std::size_t i = 0; i < vertices.size(); ++i) {
-      if (used[i]) emit(HashPosition(vertices[i]) & (keys - 1), i);
+      if (used[i]) {
+        emit(HashPosition(Vec3d(vertices[i])) & (keys - 1), static_cast<std::uint32_t>(i));
+      }
     }
-  });
+  };
   std::vector<std::uint32_t> joined(vertices.size());
-  for (std::size_t key = 0; key < groups.size(); ++key) {
-    const std::span<std::uint64_t> group = groups[key];
-    std::sort(group.begin(), group.end(), [&](std::uint64_t a, std::uint64_t b) {
-      const Vec3d& p = vertices[a];
-      const Vec3d& q = vertices[b];
+  Groups<std::uint32_t> groups(keys, for_each);
+  groups.Gather(0, vertices.size(), for_each);
+  for (std::size_t key = 0; key < keys; ++key) {
+    const std::span<std::uint32_t> group = groups[key];
+    std::sort(group.begin(), group.end(), [&](std::uint32_t a, std::uint32_t b) {
+      const Vec3<T>& p = vertices[a];
+      const Vec3<T>& q = vertices[b];
       return std::tie(p.x, p.y, p.z, a) < std::tie(q.x, q.y, q.z, b);
     });
     ForEachRun(
-        group, [&](std::uint64_t a, std::uint64_t b) { return vertices[a] == vertices[b]; },
-        [&](std::span<const std::uint64_t> run) {
-          for (const std::uint64_t index : run) joined[index] = static_cast<std::uint32_t>(run[0]);
+        std::span<const std::uint32_t>(group),
+        [&](std::uint32_t a, std::uint32_t b) { return vertices[a] == vertices[b]; },
+        [&](std::span<const std::uint32_t> run) {
+          for (const std::uint32_t index : run) joined[index] = run[0];
         });
   }
   return joined;
 }
 
-void CountEdges(const TriangleMesh& mesh, const MeshData& data,
-                const std::vector<std::uint32_t>& joined, MeshHealth* health) {
+// What the sides of triangles between two vertices say.
+class EdgeCounter {
+ public:
+  explicit EdgeCounter(MeshHealth* health) : health_(health) {}
+
+  /// An edge with so many sides in either direction.
+  void Add(std::size_t forward, std::size_t backward) {
+    const std::size_t sides = forward + backward;
+    if (sides == 1) ++health_->open_edges;
+    if (sides > 2) ++health_->non_manifold_edges;
+    all_paired_ = all_paired_ && forward == 1 && backward == 1;
+    any_ = true;
+  }
+  bool closed() const { return any_ && all_paired_; }
+
+ private:
+  MeshHealth* health_;
+  bool any_ = false;
+  bool all_paired_ = true;
+};
+
+// The edges of one vertex with very many sides: counted, not gathered.
+template <class ForEach>
+void CountEdgesOf(std::size_t vertex, std::size_t vertices, const ForEach& for_each,
+                  EdgeCounter* edges) {
+  constexpr std::uint8_t kEnough = 3;  // no more is told apart
+  std::vector<std::uint8_t> sides[2] = {std::vector<std::uint8_t>(vertices),
+                                        std::vector<std::uint8_t>(vertices)};
+  for_each([&](std::size_t key, std::uint64_t value) {
+    if (key != vertex) return;
+    std::uint8_t& count = sides[value % 2][value / 2];
+    if (count < kEnough) ++count;
+  });
+  for (std::size_t other = 0; other < vertices; ++other) {
+    const std::size_t forward = sides[1][other];
+    const std::size_t backward = sides[0][other];
+    if (forward + backward != 0) edges->Add(forward, backward);
+  }
+}
+
+void CountEdges(const TriangleMesh& mesh, const std::vector<std::uint32_t>& joined,
+                MeshHealth* health) {
   // Each side of a triangle, by the smaller of its vertices: the larger, and whether it runs from
   // the smaller to the larger.
-  Groups groups = GroupByKey(joined.size(), [&](const auto& emit) {
-    for (PrimitiveId id = 0; id < data.triangles.size(); ++id) {
+  const std::span<const TriangleIndices> triangles = mesh.triangles();
+  const auto for_each = [&](const auto& emit) {
+    for (PrimitiveId id = 0; id < triangles.size(); ++id) {
       if (mesh.IsDegenerate(id)) continue;
-      const TriangleIndices& triangle = data.triangles[id];
+      const TriangleIndices& triangle = triangles[id];
       for (std::size_t corner = 0; corner < 3; ++corner) {
         const std::uint64_t from = joined[triangle[corner]];
         const std::uint64_t to = joined[triangle[(corner + 1) % 3]];
         emit(std::min(from, to), 2 * std::max(from, to) + (from < to ? 1 : 0));
       }
     }
-  });
-  bool all_paired = !groups.values.empty();
-  for (std::size_t key = 0; key < groups.size(); ++key) {
-    const std::span<std::uint64_t> group = groups[key];
-    std::sort(group.begin(), group.end());
-    ForEachRun(
-        group, [](std::uint64_t a, std::uint64_t b) { return a / 2 == b / 2; },
-        [&](std::span<const std::uint64_t> edge) {
-          if (edge.size() == 1) ++health->open_edges;
-          if (edge.size() > 2) ++health->non_manifold_edges;
-          all_paired = all_paired && edge.size() == 2 && edge[0] != edge[1];
-        });
+  };
+  // A third of the sides at a time.
+  const std::size_t most = triangles.size() - mesh.degenerate_count();
+  EdgeCounter edges(health);
+  Groups<std::uint64_t> groups(joined.size(), for_each);
+  for (std::size_t first = 0; first < groups.keys();) {
+    if (groups.CountOf(first) > most) {
+      CountEdgesOf(first, joined.size(), for_each, &edges);
+      ++first;
+      continue;
+    }
+    const std::size_t last = groups.Gather(first, most, for_each);
+    for (std::size_t key = first; key < last; ++key) {
+      const std::span<std::uint64_t> group = groups[key];
+      std::sort(group.begin(), group.end());
+      ForEachRun(
+          std::span<const std::uint64_t>(group),
+          [](std::uint64_t a, std::uint64_t b) { return a / 2 == b / 2; },
+          [&](std::span<const std::uint64_t> edge) {
+            const auto forward = static_cast<std::size_t>(std::count_if(
+                edge.begin(), edge.end(), [](std::uint64_t s) { return s % 2 == 1; }));
+            edges.Add(forward, edge.size() - forward);
+          });
+    }
+    first = last;
   }
-  health->closed = all_paired;
+  health->closed = edges.closed();
 }
 
-std::uint64_t CountDuplicates(const TriangleMesh& mesh, const MeshData& data,
-                              const std::vector<std::uint32_t>& joined) {
-  Groups groups = GroupByKey(joined.size(), [&](const auto& emit) {
-    for (PrimitiveId id = 0; id < data.triangles.size(); ++id) {
+std::uint64_t CountDuplicates(const TriangleMesh& mesh, const std::vector<std::uint32_t>& joined) {
+  const std::span<const TriangleIndices> triangles = mesh.triangles();
+  const auto for_each = [&](const auto& emit) {
+    for (PrimitiveId id = 0; id < triangles.size(); ++id) {
       if (mesh.IsDegenerate(id)) continue;
-      const TriangleIndices& triangle = data.triangles[id];
+      const TriangleIndices& triangle = triangles[id];
       std::array<std::uint64_t, 3> corners = {joined[triangle[0]], joined[triangle[1]],
                                               joined[triangle[2]]};
       std::sort(corners.begin(), corners.end());
       emit(corners[0], corners[1] << 32 | corners[2]);
     }
-  });
+  };
+  Groups<std::uint64_t> groups(joined.size(), for_each);
+  groups.Gather(0, triangles.size(), for_each);
   std::uint64_t duplicates = 0;
-  for (std::size_t key = 0; key < groups.size(); ++key) {
+  for (std::size_t key = 0; key < groups.keys(); ++key) {
     const std::span<std::uint64_t> group = groups[key];
     std::sort(group.begin(), group.end());
-    ForEachRun(group, std::equal_to<>(),
+    ForEachRun(std::span<const std::uint64_t>(group), std::equal_to<>(),
                [&](std::span<const std::uint64_t> run) { duplicates += run.size() - 1; });
   }
   return duplicates;
@@ -159,9 +244,10 @@ MeshHealth CheckHealth(const TriangleMesh& mesh, const MeshData& data) {
   health.degenerate = mesh.degenerate_count();
   health.concave = data.concave;
   health.coordinate_resolution = CoordinateResolution(mesh.bounds(), data.single_precision);
-  const std::vector<std::uint32_t> joined = JoinPositions(data);
-  CountEdges(mesh, data, joined, &health);
-  health.duplicate = CountDuplicates(mesh, data, joined);
+  const std::vector<std::uint32_t> joined =
+      JoinPositions(std::span<const Vec3d>(data.vertices), mesh.triangles());
+  CountEdges(mesh, joined, &health);
+  health.duplicate = CountDuplicates(mesh, joined);
   return health;
 }
 

@@ -1,5 +1,9 @@
 #include "core/store/facts_codec.h"
 
+#include <cstddef>
+#include <utility>
+#include <vector>
+
 namespace kdray::core {
 
 void PutBool(bool value, CheckedWriter* writer) {
@@ -68,6 +72,19 @@ void PutTreeStats(const TreeStats& stats, CheckedWriter* writer) {
   writer->Put(stats.intersection_cost);
 }
 
+namespace {
+
+// Older files have an entry for every size up to that of the fullest leaf.
+void JoinLargeLeaves(std::vector<std::uint64_t>* histogram) {
+  constexpr std::size_t kEntries = 66;  // TreeStats::leaf_histogram
+  if (histogram->size() <= kEntries) return;
+  std::vector<std::uint64_t> joined(histogram->begin(), histogram->begin() + kEntries);
+  for (std::size_t i = kEntries; i < histogram->size(); ++i) joined.back() += (*histogram)[i];
+  *histogram = std::move(joined);
+}
+
+}  // namespace
+
 TreeStats GetTreeStats(CheckedReader* reader) {
   TreeStats stats;
   stats.nodes = reader->Get<std::uint64_t>();
@@ -76,6 +93,7 @@ TreeStats GetTreeStats(CheckedReader* reader) {
   stats.references = reader->Get<std::uint64_t>();
   stats.max_depth = reader->Get<std::uint32_t>();
   stats.leaf_histogram = reader->GetArray<std::uint64_t>();
+  JoinLargeLeaves(&stats.leaf_histogram);
   stats.bytes = reader->Get<std::uint64_t>();
   stats.sah_cost = reader->Get<double>();
   stats.traversal_cost = reader->Get<double>();

@@ -77,6 +77,22 @@ TEST_F(CatalogTest, GivesBackWhatWasSaved) {
   EXPECT_EQ(contents.damaged, 0u);
 }
 
+TEST_F(CatalogTest, JoinsTheLargeLeavesOfAnOlderRecord) {
+  TreeRecord record = ReadyRecord("a");
+  std::vector<std::uint64_t>& histogram = record.tree->stats.leaf_histogram;
+  histogram.assign(100'001, 0);
+  histogram[3] = 7;
+  histogram[65] = 1;
+  histogram[100'000] = 2;
+  ASSERT_TRUE(catalog_.Save(record).ok());
+  histogram.assign(66, 0);
+  histogram[3] = 7;
+  histogram[65] = 3;
+  const Catalog::Contents contents = Load();
+  EXPECT_THAT(contents.records, testing::ElementsAre(record));
+  EXPECT_EQ(contents.damaged, 0u);
+}
+
 TEST_F(CatalogTest, ReplacesAndRemoves) {
   TreeRecord record = PendingRecord("a", std::nullopt);
   ASSERT_TRUE(catalog_.Save(record).ok());

@@ -166,6 +166,18 @@ TEST(BuildTree, CountsWhatIsThere) {
   }
 }
 
+TEST(TreeStats, CountLargeLeavesTogether) {
+  core::TreeStats stats;
+  for (const std::size_t triangles : {0u, 3u, 3u, 64u, 65u, 1'000'000'000u, 70u}) {
+    core::CountLeaf(triangles, 0, &stats);
+  }
+  ASSERT_EQ(stats.leaf_histogram.size(), 66u);
+  EXPECT_EQ(stats.leaf_histogram[0], 1u);
+  EXPECT_EQ(stats.leaf_histogram[3], 2u);
+  EXPECT_EQ(stats.leaf_histogram[64], 1u);
+  EXPECT_EQ(stats.leaf_histogram[65], 3u);
+}
+
 TEST(BuildTree, StopsWhenItIsCancelledOrLate) {
   const TriangleMesh mesh = TriangleMesh::Create(Soup(5000, 0.1, 8)).value();
   for (const BuildKind kind : core::kAllBuildKinds) {
