@@ -14,13 +14,15 @@ constexpr std::chrono::milliseconds kLookAgain{50};
 }  // namespace
 
 std::shared_ptr<Measurements::Task> Measurements::Begin(const Sha256Digest& mesh) {
+  auto task = std::make_shared<Task>();
+  task->mesh = mesh;
   const std::lock_guard lock(mutex_);
   if (stopped_) return nullptr;
-  Entry& entry = entries_[mesh];
-  if (entry.task) return nullptr;
-  entry = {std::make_shared<Task>(), std::nullopt};
-  entry.task->mesh = mesh;
-  return entry.task;
+  const auto [entry, is_new] = entries_.try_emplace(mesh, Entry{task, std::nullopt});
+  if (is_new) return task;
+  if (entry->second.task) return nullptr;
+  entry->second = {task, std::nullopt};
+  return task;
 }
 
 bool Measurements::IsWanted(const Task& task) {
@@ -28,7 +30,8 @@ bool Measurements::IsWanted(const Task& task) {
   return !task.done_;
 }
 
-void Measurements::End(const std::shared_ptr<Task>& task, Result<MeasuredTradeoff> measured) {
+void Measurements::End(const std::shared_ptr<Task>& task,
+                       Result<MeasuredTradeoff> measured) noexcept {
   const std::lock_guard lock(mutex_);
   if (task->done_) return;
   const auto entry = entries_.find(task->mesh);
@@ -62,7 +65,7 @@ void Measurements::Adopt(const Sha256Digest& mesh, MeasuredTradeoff measured) {
   entries_.try_emplace(mesh, Entry{nullptr, std::move(measured)});
 }
 
-bool Measurements::Forget(const Sha256Digest& mesh) {
+bool Measurements::Forget(const Sha256Digest& mesh) noexcept {
   const std::lock_guard lock(mutex_);
   const auto entry = entries_.find(mesh);
   if (entry == entries_.end()) return false;

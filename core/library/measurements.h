@@ -42,7 +42,7 @@ class Measurements {
   /// False once the task was forgotten: then nobody wants what it makes.
   bool IsWanted(const Task& task);
   /// Tells all who wait, unless the task was forgotten meanwhile.
-  void End(const std::shared_ptr<Task>& task, Result<MeasuredTradeoff> measured);
+  void End(const std::shared_ptr<Task>& task, Result<MeasuredTradeoff> measured) noexcept;
 
   /// Nothing when nobody asked for it, or it was forgotten; the error of the latest measuring if it
   /// failed. Waits until it ends, or `until` or `cancel` comes.
@@ -53,7 +53,7 @@ class Measurements {
   /// What was stored, unless something is known already.
   void Adopt(const Sha256Digest& mesh, MeasuredTradeoff measured);
   /// Stops what is under way, and drops what is there; false when there is neither.
-  bool Forget(const Sha256Digest& mesh);
+  bool Forget(const Sha256Digest& mesh) noexcept;
   /// Stops all that is under way. Begin gives nothing new after it.
   void Stop();
 

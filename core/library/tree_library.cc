@@ -144,7 +144,12 @@ Result<TreeLibrary::Added> TreeLibrary::Finish(Upload upload, std::optional<Buil
         entry->second.record.mesh_bytes = bytes;
       }
     }
-    return Add(id, bytes, *std::move(pledge));
+    try {
+      return Add(id, bytes, *std::move(pledge));
+    } catch (...) {
+      ForgetIfUnused(id.mesh);
+      throw;
+    }
   }
 }
 
@@ -206,19 +211,45 @@ Result<TreeLibrary::Added> TreeLibrary::Add(const TreeId& id, std::uint64_t mesh
     }
   }
   if (existed) return AddAgain(id, std::move(pledge));
-  if (Status status = store_->SaveRecord(record); !status.ok()) {
-    (void)store_->RemoveRecord(id);
-    (void)RemoveUnusedMesh(id.mesh);
-    return std::move(status).error();
+  // All that takes memory before the record is written; what comes after it cannot fail.
+  std::set<Position, std::greater<>> place;
+  place.insert({record.created_ms, id});
+  Entries added;
+  added[id].is_new = true;
+  added[id].record = record;
+  try {
+    if (Status status = store_->SaveRecord(record); !status.ok()) {
+      GiveUpAdding(id);
+      return status.error();
+    }
+  } catch (...) {
+    GiveUpAdding(id);
+    throw;
   }
   const std::lock_guard lock(mutex_);
   failures_.erase(id);
-  by_age_.insert({record.created_ms, id});
-  Entry& entry = entries_[id];
-  entry.record = std::move(record);
-  entry.is_new = true;
+  by_age_.insert(place.extract(place.begin()));
+  Entry& entry = entries_.insert(added.extract(added.begin())).position->second;
+  // Should this fail, the tree is there, and whoever asks for it next starts its build.
   StartFlight(&entry, std::move(pledge));
   return Added{id, false};
+}
+
+// After a record that could not be written. What the disk, or a want of memory, keeps of it is
+// promised to nobody, and found by the next start.
+void TreeLibrary::GiveUpAdding(const TreeId& id) noexcept {
+  try {
+    (void)store_->RemoveRecord(id);
+  } catch (...) {
+  }
+  ForgetIfUnused(id.mesh);
+}
+
+void TreeLibrary::ForgetIfUnused(const Sha256Digest& mesh) noexcept {
+  try {
+    (void)RemoveUnusedMesh(mesh);
+  } catch (...) {
+  }
 }
 
 // The same for an id that is there. It stays while the caller holds the mesh's mutex.
@@ -339,9 +370,11 @@ Status TreeLibrary::Delete(const TreeId& id) {
     if (failures_.erase(id) != 0) return {};
     if (!entries_.contains(id)) return NoSuchTree();
   }
-  // The record first: what remains after a crash is then a mesh that nobody finds again.
+  // The record first: what remains after a crash is then a mesh that nobody finds again. Nothing
+  // after it can fail.
+  Error gone = NoSuchTree();
   if (Status status = RemoveRecord(id); !status.ok()) return status;
-  ForgetAndRemoveFiles(id, NoSuchTree());
+  ForgetAndRemoveFiles(id, std::move(gone));
   return {};
 }
 
@@ -351,7 +384,9 @@ Status TreeLibrary::RemoveRecord(const TreeId& id) {
   TreeRecord record;
   {
     const std::lock_guard lock(mutex_);
-    record = entries_.at(id).record;
+    Entry& entry = entries_.at(id);
+    record = entry.record;
+    entry.is_in_doubt = true;
   }
   Status removed = store_->RemoveRecord(id);
   if (removed.ok()) return removed;
@@ -374,8 +409,9 @@ Status TreeLibrary::DropMesh(const Sha256Digest& mesh) {
     }
   }
   for (const TreeId& id : ids) {
+    Error gone = NoSuchTree();
     if (Status status = RemoveRecord(id); !status.ok()) return status;
-    ForgetAndRemoveFiles(id, NoSuchTree());
+    ForgetAndRemoveFiles(id, std::move(gone));
   }
   // Again, for its status: a mesh that cannot be removed must not be tried for ever.
   return RemoveUnusedMesh(mesh);
@@ -386,8 +422,8 @@ Status TreeLibrary::DropUnrecordedMesh(const Sha256Digest& mesh) {
   return RemoveUnusedMesh(mesh);
 }
 
-// The caller holds the mesh's mutex and has removed the record.
-void TreeLibrary::ForgetAndRemoveFiles(const TreeId& id, const Error& error) {
+// The caller holds the mesh's mutex and has removed the record: the id goes, whatever fails.
+void TreeLibrary::ForgetAndRemoveFiles(const TreeId& id, Error error) noexcept {
   std::optional<BuildKind> orphan;
   bool mesh_too = false;
   {
@@ -397,7 +433,7 @@ void TreeLibrary::ForgetAndRemoveFiles(const TreeId& id, const Error& error) {
     const std::optional<BuildKind> build = BuildOf(entry->second.record);
     if (std::shared_ptr<Flight> flight = entry->second.flight) {
       flight->watch.cancel.Cancel();
-      Land(&entry->second, error);
+      Land(&entry->second, std::move(error));
     }
     by_age_.erase({entry->second.record.created_ms, id});
     entries_.erase(entry);
@@ -408,11 +444,18 @@ void TreeLibrary::ForgetAndRemoveFiles(const TreeId& id, const Error& error) {
   if (mesh_too) {
     measurements_.Forget(id.mesh);
     cache_.EraseMesh(id.mesh);
-    // Should the disk refuse, the file is one that no record names.
-    (void)RemoveUnusedMesh(id.mesh);
   } else if (orphan) {
     cache_.EraseTree(id.mesh, *orphan);
-    store_->RemoveTree(id.mesh, *orphan);
+  }
+  try {
+    // Should the disk refuse, the mesh's file is one that no record names.
+    if (mesh_too) {
+      (void)RemoveUnusedMesh(id.mesh);
+    } else if (orphan) {
+      store_->RemoveTree(id.mesh, *orphan);
+    }
+  } catch (...) {
+    // No memory for the names of the files: they stay as they would if the disk refused.
   }
 }
 

@@ -178,7 +178,9 @@ class TreeLibrary {
   Status RemoveRecord(const TreeId& id);
   Status DropMesh(const Sha256Digest& mesh);
   Status DropUnrecordedMesh(const Sha256Digest& mesh);
-  void ForgetAndRemoveFiles(const TreeId& id, const Error& error);
+  void GiveUpAdding(const TreeId& id) noexcept;
+  void ForgetIfUnused(const Sha256Digest& mesh) noexcept;
+  void ForgetAndRemoveFiles(const TreeId& id, Error error) noexcept;
   Status RemoveUnusedMesh(const Sha256Digest& mesh);
   std::mutex& MeshMutex(const Sha256Digest& mesh) {
     return mesh_mutexes_[mesh.bytes[0] % mesh_mutexes_.size()];
@@ -192,20 +194,23 @@ class TreeLibrary {
   std::optional<Scene> FindInMemory(const Entry& entry);
   std::optional<Error> EnsureFlight(Entry* entry);  // why there cannot be one
   void StartFlight(Entry* entry, MemoryCharge pledge);
-  void Land(Entry* entry, std::optional<Error> error);
+  static void Land(Entry* entry, std::optional<Error> error) noexcept;
   Entry* EntryOf(const Flight& flight);
-  void KeepFailure(const TreeId& id, const Error& error);
+  void MakeWayForFailure();
   static TreeInfo InfoOf(const Entry& entry);
   static std::optional<BuildKind> BuildOf(const TreeRecord& record);
 
   // The worker's side:
-  void Fly(const std::shared_ptr<Flight>& flight);
+  void Fly(const std::shared_ptr<Flight>& flight) noexcept;
+  void FlyNow(const std::shared_ptr<Flight>& flight);
+  void GiveUp(Flight* flight, Error error) noexcept;
+  void EraseUnwanted(const Sha256Digest& mesh) noexcept;
   bool Succeed(Flight* flight, const SceneSource::Fetched& fetched);
   void Persist(const TreeRecord& before, const SceneSource::Fetched& fetched);
   void Fail(Flight* flight, const Error& error);
   void RunMeasuring(const TreeId& id, const std::shared_ptr<Measurements::Task>& task,
-                    TradeoffOptions options);
-  Result<MeasuredTradeoff> MeasureNow(const TreeId& id, const TradeoffOptions& options,
+                    const TradeoffOptions& options) noexcept;
+  Result<MeasuredTradeoff> MeasureNow(const TreeId& id, TradeoffOptions options,
                                       Measurements::Task* task);
 
   const LibraryOptions options_;

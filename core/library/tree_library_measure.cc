@@ -1,6 +1,6 @@
 // The measuring side of TreeLibrary.
 #include <algorithm>
-#include <exception>
+#include <new>
 #include <utility>
 
 #include "core/library/tree_library.h"
@@ -28,16 +28,37 @@ Status TreeLibrary::Measure(const TreeId& id, TradeoffOptions options) {
     if (shut_down_) return Error{ErrorCode::kCancelled, "shutting down"};
   }
   if (std::shared_ptr<Measurements::Task> task = measurements_.Begin(id.mesh)) {
-    queue_.Submit(kMeasuringKey, WorkQueue::Lane::kBuild,
-                  [this, id, task = std::move(task), options = std::move(options)] {
-                    RunMeasuring(id, task, options);
-                  });
+    try {
+      queue_.Submit(
+          kMeasuringKey, WorkQueue::Lane::kBuild,
+          [this, id, task, options = std::move(options)] { RunMeasuring(id, task, options); });
+    } catch (...) {
+      measurements_.Forget(id.mesh);  // nobody will run it
+      throw;
+    }
   }
   return {};
 }
 
 void TreeLibrary::RunMeasuring(const TreeId& id, const std::shared_ptr<Measurements::Task>& task,
-                               TradeoffOptions options) {
+                               const TradeoffOptions& options) noexcept {
+  // These messages are short enough to need no memory.
+  Result<MeasuredTradeoff> measured = Error{ErrorCode::kInternal, "a failure"};
+  try {
+    measured = MeasureNow(id, options, task.get());
+    // Stored before anybody is told: what was answered is there after a restart.
+    const std::lock_guard files_lock(MeshMutex(id.mesh));
+    if (measured.ok() && measurements_.IsWanted(*task)) store_->WriteTradeoff(id.mesh, *measured);
+  } catch (const std::bad_alloc&) {
+    measured = Error{ErrorCode::kMemoryFull, "out of memory"};
+  } catch (...) {
+    measured = Error{ErrorCode::kInternal, "a failure"};
+  }
+  measurements_.End(task, std::move(measured));
+}
+
+Result<MeasuredTradeoff> TreeLibrary::MeasureNow(const TreeId& id, TradeoffOptions options,
+                                                 Measurements::Task* task) {
   options.threads = arena_.threads();
   options.is_disturbed = [this, asked = std::move(options.is_disturbed)] {
     if (asked && asked()) return true;
@@ -45,21 +66,6 @@ void TreeLibrary::RunMeasuring(const TreeId& id, const std::shared_ptr<Measureme
     return std::any_of(entries_.begin(), entries_.end(),
                        [](const auto& entry) { return entry.second.flight != nullptr; });
   };
-  Result<MeasuredTradeoff> measured = Error{ErrorCode::kInternal, "an unexpected failure"};
-  try {
-    measured = MeasureNow(id, options, task.get());
-  } catch (const std::bad_alloc&) {
-    measured = Error{ErrorCode::kMemoryFull, "the system has no memory for this now"};
-  } catch (const std::exception&) {  // stays what it was
-  }
-  // Stored before anybody is told: what was answered is there after a restart.
-  const std::lock_guard files_lock(MeshMutex(id.mesh));
-  if (measured.ok() && measurements_.IsWanted(*task)) store_->WriteTradeoff(id.mesh, *measured);
-  measurements_.End(task, std::move(measured));
-}
-
-Result<MeasuredTradeoff> TreeLibrary::MeasureNow(const TreeId& id, const TradeoffOptions& options,
-                                                 Measurements::Task* task) {
   Result<Scene> scene = [&]() -> Result<Scene> {
     // It may be another job of the queue that brings the tree: that one has this place meanwhile.
     const std::optional<WorkQueue::Aside> aside = queue_.StepAside(WorkQueue::Lane::kBuild);

@@ -1,5 +1,7 @@
 // The worker's side of TreeLibrary: flights from start to landing.
-#include <exception>
+#include <array>
+#include <map>
+#include <new>
 #include <utility>
 
 #include "core/library/flight.h"
@@ -49,14 +51,16 @@ std::optional<Error> TreeLibrary::EnsureFlight(Entry* entry) {
   return std::nullopt;
 }
 
+// The job first: a flight that nobody runs would be waited for for ever. The job waits for mutex_.
 void TreeLibrary::StartFlight(Entry* entry, MemoryCharge pledge) {
   if (shut_down_) return;
   const TreeRecord& record = entry->record;
-  entry->flight = std::make_shared<Flight>(record.id, std::move(pledge));
-  queue_.Submit(record.id.mesh, LaneOf(record), [this, flight = entry->flight] { Fly(flight); });
+  auto flight = std::make_shared<Flight>(record.id, std::move(pledge));
+  queue_.Submit(record.id.mesh, LaneOf(record), [this, flight] { Fly(flight); });
+  entry->flight = std::move(flight);
 }
 
-void TreeLibrary::Land(Entry* entry, std::optional<Error> error) {
+void TreeLibrary::Land(Entry* entry, std::optional<Error> error) noexcept {
   Flight& flight = *entry->flight;
   flight.done = true;
   flight.error = std::move(error);
@@ -72,7 +76,38 @@ TreeLibrary::Entry* TreeLibrary::EntryOf(const Flight& flight) {
                                                                           : nullptr;
 }
 
-void TreeLibrary::Fly(const std::shared_ptr<Flight>& flight) {
+void TreeLibrary::Fly(const std::shared_ptr<Flight>& flight) noexcept {
+  // These messages are short enough to need no memory.
+  try {
+    FlyNow(flight);
+  } catch (const std::bad_alloc&) {
+    GiveUp(flight.get(), Error{ErrorCode::kMemoryFull, "out of memory"});
+  } catch (...) {
+    GiveUp(flight.get(), Error{ErrorCode::kInternal, "a failure"});
+  }
+  EraseUnwanted(flight->id.mesh);
+}
+
+// What a deletion did not find in memory, because it was on its way there.
+void TreeLibrary::EraseUnwanted(const Sha256Digest& mesh) noexcept {
+  const std::lock_guard files_lock(MeshMutex(mesh));
+  bool mesh_is_wanted = false;
+  std::array<bool, kAllBuildKinds.size()> is_wanted{};
+  {
+    const std::lock_guard lock(mutex_);
+    mesh_is_wanted = HasMesh(mesh);
+    for (std::size_t i = 0; i < is_wanted.size(); ++i) {
+      is_wanted[i] = IsWanted(mesh, kAllBuildKinds[i]);
+    }
+  }
+  // Without mutex_: a large tree takes its time to go.
+  if (!mesh_is_wanted) cache_.EraseMesh(mesh);
+  for (std::size_t i = 0; i < is_wanted.size(); ++i) {
+    if (!is_wanted[i]) cache_.EraseTree(mesh, kAllBuildKinds[i]);
+  }
+}
+
+void TreeLibrary::FlyNow(const std::shared_ptr<Flight>& flight) {
   TreeRecord record;
   {
     const std::lock_guard lock(mutex_);
@@ -87,16 +122,21 @@ void TreeLibrary::Fly(const std::shared_ptr<Flight>& flight) {
                                          entry->record.mesh = facts;
                                      },
                                  .step_aside = [&] { return queue_.StepAside(LaneOf(record)); }};
-  try {
-    const Result<SceneSource::Fetched> fetched = source_.Fetch(record, &flight->watch, hooks);
-    if (fetched.ok()) {
-      if (Succeed(flight.get(), *fetched)) Persist(record, *fetched);
-    } else {
-      Fail(flight.get(), fetched.error());
-    }
-  } catch (const std::exception&) {
-    Fail(flight.get(), Error{ErrorCode::kInternal, "an unexpected failure"});
+  const Result<SceneSource::Fetched> fetched = source_.Fetch(record, &flight->watch, hooks);
+  if (fetched.ok()) {
+    if (Succeed(flight.get(), *fetched)) Persist(record, *fetched);
+  } else {
+    Fail(flight.get(), fetched.error());
   }
+}
+
+// With an error whose copy allocates nothing. Nothing happens to a flight that has landed.
+void TreeLibrary::GiveUp(Flight* flight, Error error) noexcept {
+  const std::lock_guard lock(mutex_);
+  Entry* entry = EntryOf(*flight);
+  if (entry == nullptr) return;
+  entry->failure = Failure{error, SteadyClock::now() + options_.retry_after};
+  Land(entry, std::move(error));
 }
 
 bool TreeLibrary::Succeed(Flight* flight, const SceneSource::Fetched& fetched) {
@@ -104,8 +144,8 @@ bool TreeLibrary::Succeed(Flight* flight, const SceneSource::Fetched& fetched) {
   Entry* entry = EntryOf(*flight);
   if (entry == nullptr) return false;
   TreeRecord& record = entry->record;
-  if (record.tree && fetched.was_built) ++rebuilds_;
-  TreeFacts facts = fetched.tree;
+  TreeFacts facts = fetched.tree;  // what takes memory comes first
+  std::optional<MeshFacts> mesh_facts = fetched.prepared->facts;
   if (!fetched.was_built && !record.tree) {
     // The tree was there under another id; its build time is told there.
     for (auto other = FirstOf(record.id.mesh);
@@ -114,7 +154,8 @@ bool TreeLibrary::Succeed(Flight* flight, const SceneSource::Fetched& fetched) {
       if (tree && tree->build == facts.build) facts.build_ms = tree->build_ms;
     }
   }
-  record.mesh = fetched.prepared->facts;
+  if (record.tree && fetched.was_built) ++rebuilds_;
+  record.mesh = std::move(mesh_facts);
   record.tree = std::move(facts);
   entry->failure.reset();
   flight->scene = fetched.scene;
@@ -165,28 +206,34 @@ void TreeLibrary::Fail(Flight* flight, const Error& error) {
                               (error.code == ErrorCode::kMeshTooLarge && entry->is_new));
     if (error.code == ErrorCode::kCorrupt) damaged_meshes_.insert(id.mesh);
   }
+  // All that takes memory first.
+  const SteadyClock::time_point now = SteadyClock::now();
+  Error told = error;
+  std::map<TreeId, Failure> kept;
+  kept[id] = Failure{error, now + options_.keep_failure};
+  Failure passing{error, now + (for_good ? options_.keep_failure : options_.retry_after)};
   // A record that the disk does not let go keeps its mesh, and the failure is the tree's.
   const bool is_gone = for_good && RemoveRecord(id).ok();
   {
     const std::lock_guard lock(mutex_);
     if (is_gone) {
-      KeepFailure(id, error);
+      MakeWayForFailure();
+      failures_.erase(id);
+      failures_.insert(kept.extract(kept.begin()));
     } else if (Entry* entry = EntryOf(*flight)) {
-      const auto time = for_good ? options_.keep_failure : options_.retry_after;
-      entry->failure = Failure{error, SteadyClock::now() + time};
-      Land(entry, error);
+      entry->failure = std::move(passing);
+      Land(entry, std::move(told));
     }
   }
-  if (is_gone) ForgetAndRemoveFiles(id, error);
+  if (is_gone) ForgetAndRemoveFiles(id, std::move(told));
 }
 
-void TreeLibrary::KeepFailure(const TreeId& id, const Error& error) {
+// With mutex_ held.
+void TreeLibrary::MakeWayForFailure() {
+  if (failures_.size() < kMaxFailures) return;
   const SteadyClock::time_point now = SteadyClock::now();
-  if (failures_.size() >= kMaxFailures) {
-    std::erase_if(failures_, [&](const auto& failure) { return failure.second.until <= now; });
-  }
+  std::erase_if(failures_, [&](const auto& failure) { return failure.second.until <= now; });
   if (failures_.size() >= kMaxFailures) failures_.erase(failures_.begin());
-  failures_[id] = Failure{error, now + options_.keep_failure};
 }
 
 void TreeLibrary::Shutdown() {

@@ -8,17 +8,28 @@ WorkQueue::WorkQueue(int load_threads, int build_threads, int aside_threads)
     : max_running_(load_threads + build_threads),
       max_builds_(build_threads),
       max_aside_(aside_threads) {
-  for (int i = 0; i < max_running_ + max_aside_; ++i) {
-    threads_.emplace_back([this] { Work(); });
+  const int threads = max_running_ + max_aside_;
+  threads_.reserve(static_cast<std::size_t>(threads));
+  try {
+    for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { Work(); });
+  } catch (...) {
+    Stop();  // those that run already
+    throw;
   }
 }
 
 WorkQueue::~WorkQueue() { Stop(); }
 
 void WorkQueue::Submit(const Sha256Digest& key, Lane lane, std::function<void()> job) {
+  std::list<Job> added;
+  added.push_back({Lines::iterator(), lane, std::move(job)});
   const std::lock_guard lock(mutex_);
   if (stopping_) return;
-  jobs_.push_back({key, lane, std::move(job)});
+  const Lines::iterator line = lines_.try_emplace(key).first;
+  // Nothing is allocated from here on, nor where jobs are picked and ended.
+  ++line->second.jobs;
+  added.front().line = line;
+  jobs_.splice(jobs_.end(), added);
   changed_.notify_all();
 }
 
@@ -52,12 +63,15 @@ void WorkQueue::Stop() {
   }
 }
 
-std::list<WorkQueue::Job>::iterator WorkQueue::NextRunnable() {
+std::list<WorkQueue::Job>::iterator WorkQueue::NextRunnable() noexcept {
   if (running_ >= max_running_) return jobs_.end();
-  std::set<Sha256Digest> earlier;  // keys of jobs that came before and wait themselves
+  ++looks_;
   auto build = jobs_.end();
   for (auto job = jobs_.begin(); job != jobs_.end(); ++job) {
-    if (busy_keys_.contains(job->key) || !earlier.insert(job->key).second) continue;
+    Line& line = job->line->second;
+    const bool is_first = !line.is_busy && line.looked_at != looks_;
+    line.looked_at = looks_;
+    if (!is_first) continue;
     if (job->lane == Lane::kLoad) return job;
     if (build == jobs_.end() && running_builds_ < max_builds_) build = job;
   }
@@ -73,18 +87,22 @@ void WorkQueue::Work() {
     Job job = std::move(*next);
     jobs_.erase(next);
     const bool is_build = job.lane == Lane::kBuild;
-    busy_keys_.insert(job.key);
+    job.line->second.is_busy = true;
     ++running_;
     running_builds_ += is_build ? 1 : 0;
 
     lock.unlock();
-    job.run();
+    try {
+      job.run();
+    } catch (...) {  // a job's mistake must not end the process
+    }
     job.run = nullptr;  // what it holds goes now, outside the lock
     lock.lock();
 
     --running_;
     running_builds_ -= is_build ? 1 : 0;
-    busy_keys_.erase(job.key);
+    job.line->second.is_busy = false;
+    if (--job.line->second.jobs == 0) lines_.erase(job.line);
     changed_.notify_all();
   }
 }

@@ -7,9 +7,9 @@
 #include <cstdint>
 #include <functional>
 #include <list>
+#include <map>
 #include <mutex>
 #include <optional>
-#include <set>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -48,7 +48,7 @@ class WorkQueue {
   WorkQueue(int load_threads, int build_threads, int aside_threads);
   ~WorkQueue();  ///< as Stop
 
-  /// Dropped without a trace after Stop.
+  /// Dropped without a trace after Stop. A job catches what it throws itself.
   void Submit(const Sha256Digest& key, Lane lane, std::function<void()> job);
   /// For a job of `lane` while it runs. nullopt when as many stand aside already as may.
   std::optional<Aside> StepAside(Lane lane);
@@ -56,19 +56,27 @@ class WorkQueue {
   void Stop();
 
  private:
+  // The jobs of one key, as long as there are any.
+  struct Line {
+    std::size_t jobs = 0;
+    bool is_busy = false;         // one of them runs
+    std::uint64_t looked_at = 0;  // the latest look that met one of them
+  };
+  using Lines = std::map<Sha256Digest, Line>;
   struct Job {
-    Sha256Digest key;
+    Lines::iterator line;
     Lane lane;
     std::function<void()> run;
   };
   void Work();
   void StepBack(Lane lane);
-  std::list<Job>::iterator NextRunnable();
+  std::list<Job>::iterator NextRunnable() noexcept;
 
   std::mutex mutex_;
   std::condition_variable changed_;
   std::list<Job> jobs_;
-  std::set<Sha256Digest> busy_keys_;
+  Lines lines_;
+  std::uint64_t looks_ = 0;
   // Without those that stand aside:
   int running_ = 0;
   int running_builds_ = 0;

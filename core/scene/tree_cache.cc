@@ -34,12 +34,14 @@ std::shared_ptr<const T> TreeCache::Insert(const Key& key, T value, MemoryCharge
   const auto owner = std::make_shared<Charged<T>>(Charged<T>{std::move(value), std::move(charge)});
   const std::shared_ptr<const T> pointer(owner, &owner->value);
   Items old;  // destroyed after the lock: giving back a charge wakes others
+  Items fresh;
+  fresh.push_front(Item{key, pointer, bytes});
   const std::lock_guard lock(mutex_);
-  if (const auto found = index_.find(key); found != index_.end()) {
-    old.splice(old.begin(), items_, found->second);
-  }
-  items_.push_front(Item{key, pointer, bytes});
-  index_[key] = items_.begin();
+  const auto [place, is_new] = index_.try_emplace(key);
+  // Nothing is allocated from here on.
+  if (!is_new) old.splice(old.begin(), items_, place->second);
+  items_.splice(items_.begin(), fresh);
+  place->second = items_.begin();
   MoveToFront({key.first, std::nullopt});
   return pointer;
 }

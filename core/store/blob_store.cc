@@ -33,23 +33,28 @@ Status WriteStatus(Status status) {
 }  // namespace
 
 NewBlob::NewBlob(FileSystem* file_system, std::filesystem::path directory,
-                 std::string temporary_name, std::unique_ptr<WritableFile> file)
+                 std::filesystem::path temporary)
     : file_system_(file_system),
       directory_(std::move(directory)),
-      temporary_name_(std::move(temporary_name)),
-      file_(std::move(file)) {}
+      temporary_(std::move(temporary)) {}
 
 NewBlob::NewBlob(NewBlob&& other) noexcept
     : file_system_(other.file_system_),
       directory_(std::move(other.directory_)),
-      temporary_name_(std::exchange(other.temporary_name_, {})),
+      temporary_(std::move(other.temporary_)),
       file_(std::move(other.file_)),
       bytes_(other.bytes_),
-      synced_(other.synced_) {}
+      synced_(other.synced_) {
+  other.temporary_.clear();
+}
 
 NewBlob::~NewBlob() {
-  // A failure leaves a file that the next Open sweeps.
-  if (!temporary_name_.empty()) (void)file_system_->Remove(TemporaryPath());
+  if (temporary_.empty()) return;
+  try {
+    // A failure leaves a file that the next Open sweeps.
+    (void)file_system_->Remove(temporary_);
+  } catch (...) {
+  }
 }
 
 Status NewBlob::Append(std::span<const std::byte> bytes) {
@@ -70,10 +75,10 @@ Status NewBlob::Commit(std::string_view name) {
   if (!synced_) {
     if (Status status = Sync(); !status.ok()) return status;
   }
-  if (Status status = file_system_->Rename(TemporaryPath(), directory_ / name); !status.ok()) {
+  if (Status status = file_system_->Rename(temporary_, directory_ / name); !status.ok()) {
     return WriteStatus(std::move(status));
   }
-  temporary_name_.clear();
+  temporary_.clear();
   file_.reset();
   return WriteStatus(file_system_->SyncDirectory(directory_));
 }
@@ -100,10 +105,15 @@ Result<std::vector<FileInfo>> BlobStore::List() const {
 }
 
 Result<NewBlob> BlobStore::Create() {
-  std::string name = TemporaryName();
-  Result<std::unique_ptr<WritableFile>> file = file_system_->Create(directory_ / name);
-  if (!file.ok()) return WriteError(std::move(file).error());
-  return NewBlob(file_system_, directory_, std::move(name), std::move(*file));
+  // First who removes the file, then the file.
+  NewBlob blob(file_system_, directory_, directory_ / TemporaryName());
+  Result<std::unique_ptr<WritableFile>> file = file_system_->Create(blob.temporary_);
+  if (!file.ok()) {
+    blob.temporary_.clear();
+    return WriteError(std::move(file).error());
+  }
+  blob.file_ = *std::move(file);
+  return blob;
 }
 
 Result<std::unique_ptr<ReadableFile>> BlobStore::Read(std::string_view name) const {

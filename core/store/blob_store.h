@@ -35,13 +35,12 @@ class NewBlob {
 
  private:
   friend class BlobStore;
-  NewBlob(FileSystem* file_system, std::filesystem::path directory, std::string temporary_name,
-          std::unique_ptr<WritableFile> file);
-  std::filesystem::path TemporaryPath() const { return directory_ / temporary_name_; }
+  NewBlob(FileSystem* file_system, std::filesystem::path directory,
+          std::filesystem::path temporary);
 
   FileSystem* file_system_;
   std::filesystem::path directory_;
-  std::string temporary_name_;  // empty once committed or moved from
+  std::filesystem::path temporary_;  // empty once committed or moved from
   std::unique_ptr<WritableFile> file_;
   std::uint64_t bytes_ = 0;
   bool synced_ = false;

@@ -28,13 +28,34 @@ void DiskUsage::Erase(Group* group, std::list<File>::iterator file) {
   group->files.erase(file);
 }
 
-void DiskUsage::Set(FileGroup group, std::string_view name, std::uint64_t bytes) {
+DiskUsage::Note::Note(std::string_view name, std::uint64_t bytes) {
+  file_.push_front({std::string(name), bytes});
+  index_.emplace(name, file_.begin());
+}
+
+void DiskUsage::Set(FileGroup group, Note note) noexcept {
   const std::lock_guard lock(mutex_);
   Group& g = At(group);
-  if (const auto found = g.index.find(name); found != g.index.end()) Erase(&g, found->second);
-  g.files.push_front({std::string(name), bytes});
-  g.index.emplace(name, g.files.begin());
-  g.bytes += bytes;
+  const File& file = note.file_.front();
+  if (const auto found = g.index.find(file.name); found != g.index.end()) Erase(&g, found->second);
+  g.bytes += file.bytes;
+  g.files.splice(g.files.begin(), note.file_);
+  g.index.insert(note.index_.extract(note.index_.begin()));
+}
+
+void DiskUsage::Move(FileGroup from, FileGroup to, std::string_view name) noexcept {
+  const std::lock_guard lock(mutex_);
+  Group& source = At(from);
+  Group& target = At(to);
+  const auto found = source.index.find(name);
+  if (found == source.index.end()) return;
+  if (const auto old = target.index.find(name); old != target.index.end()) {
+    Erase(&target, old->second);
+  }
+  source.bytes -= found->second->bytes;
+  target.bytes += found->second->bytes;
+  target.files.splice(target.files.begin(), source.files, found->second);
+  target.index.insert(source.index.extract(found));
 }
 
 bool DiskUsage::Drop(FileGroup group, std::string_view name) {

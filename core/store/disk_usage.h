@@ -61,11 +61,32 @@ class ArrivingRoom {
 /// The limit holds for the files. Uploads under way come on top, together at most as much again:
 /// until one is complete, no mesh has to go for it. Safe from many threads at once.
 class DiskUsage {
+  struct File {
+    std::string name;
+    std::uint64_t bytes;
+  };
+  using Index = std::map<std::string, std::list<File>::iterator, std::less<>>;
+
  public:
   explicit DiskUsage(std::optional<std::uint64_t> limit_bytes) : limit_(limit_bytes) {}
 
+  /// What is noted of a file, made before the file is: noting it can then not fail.
+  class Note {
+   public:
+    Note(std::string_view name, std::uint64_t bytes);
+
+   private:
+    friend class DiskUsage;
+    std::list<File> file_;
+    Index index_;
+  };
   /// A file is there now, and was used just now.
-  void Set(FileGroup group, std::string_view name, std::uint64_t bytes);
+  void Set(FileGroup group, Note note) noexcept;
+  void Set(FileGroup group, std::string_view name, std::uint64_t bytes) {
+    Set(group, Note(name, bytes));
+  }
+  /// The file counts among those of `to` from now on; nothing when it is not among those of `from`.
+  void Move(FileGroup from, FileGroup to, std::string_view name) noexcept;
   /// False when it was not there.
   bool Drop(FileGroup group, std::string_view name);
   void Use(FileGroup group, std::string_view name);
@@ -74,7 +95,7 @@ class DiskUsage {
   std::optional<DiskRoom> TryReserve(std::uint64_t bytes);
   /// For an upload, which begins with no bytes.
   ArrivingRoom BeginArrival() { return ArrivingRoom(this); }
-  /// Whether files and uploads under way are within the limit.
+  /// Whether files and uploads under way are within the limit, were kUnrecorded gone.
   bool IsWithinLimit() const;
   /// Whether there would be room for `bytes` with no derived file left.
   bool FitsBesideMeshes(std::uint64_t bytes) const;
@@ -94,13 +115,9 @@ class DiskUsage {
  private:
   friend class DiskRoom;
   friend class ArrivingRoom;
-  struct File {
-    std::string name;
-    std::uint64_t bytes;
-  };
   struct Group {
     std::list<File> files;  // most recently used first
-    std::map<std::string, std::list<File>::iterator, std::less<>> index;
+    Index index;
     std::uint64_t bytes = 0;
   };
   void Erase(Group* group, std::list<File>::iterator file);

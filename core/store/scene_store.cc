@@ -94,10 +94,7 @@ std::optional<Sha256Digest> SceneStore::OldestUnrecordedMesh() const {
 }
 
 void SceneStore::MarkUnrecorded(const Sha256Digest& mesh) {
-  const std::string name = mesh.ToHex();
-  const std::uint64_t bytes = usage_.BytesOf(FileGroup::kMeshes, name);
-  if (!usage_.Drop(FileGroup::kMeshes, name)) return;
-  usage_.Set(FileGroup::kUnrecorded, name, bytes);
+  usage_.Move(FileGroup::kMeshes, FileGroup::kUnrecorded, mesh.ToHex());
 }
 
 Result<NewMesh> SceneStore::BeginMesh(std::uint64_t bytes) {
@@ -134,9 +131,10 @@ Status SceneStore::MakeRoomForArrived(std::uint64_t bytes, ArrivingRoom* room) {
 
 Status SceneStore::Commit(const Sha256Digest& mesh, NewMesh file, DiskRoom /*room*/) {
   const std::string name = mesh.ToHex();
+  DiskUsage::Note note(name, file.bytes());
   if (Status status = file.blob_.Commit(name); !status.ok()) return status;
   usage_.Drop(FileGroup::kUnrecorded, name);
-  usage_.Set(FileGroup::kMeshes, name, file.bytes());
+  usage_.Set(FileGroup::kMeshes, std::move(note));
   return {};
 }
 
@@ -247,8 +245,8 @@ void SceneStore::WriteDerived(FileGroup group, const std::string& name,
   if (!blob.ok()) return;
   Result<NewBlob> written = write(*std::move(blob));
   if (!written.ok()) return;
-  const std::uint64_t bytes = written->bytes();
-  if (written->Commit(name).ok()) usage_.Set(group, name, bytes);
+  DiskUsage::Note note(name, written->bytes());
+  if (written->Commit(name).ok()) usage_.Set(group, std::move(note));
 }
 
 void SceneStore::WritePrepared(const Sha256Digest& mesh, const PreparedMesh& prepared) {
