@@ -17,7 +17,12 @@ std::string Dump(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-Json BoxJson(const Box& box) { return {{"min", box.min}, {"max", box.max}}; }
+/// A file may have -0 among its coordinates; no answer has.
+Vec3 WithoutNegativeZero(const Vec3& v) { return {v[0] + 0.0, v[1] + 0.0, v[2] + 0.0}; }
+
+Json BoxJson(const Box& box) {
+  return {{"min", WithoutNegativeZero(box.min)}, {"max", WithoutNegativeZero(box.max)}};
+}
 
 Json HealthJson(const MeshHealth& health) {
   return {{"degenerate", health.degenerate},

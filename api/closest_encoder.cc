@@ -19,13 +19,21 @@ namespace {
 static_assert(std::endian::native == std::endian::little,
               ".npy elements are written as they are; a big-endian machine has to swap them");
 
+/// In T, never -0.
 template <class T>
 T Narrow(double value) {
   if constexpr (std::is_same_v<T, float>) {
     constexpr double kMost = static_cast<double>(std::numeric_limits<float>::max());
     if (std::isfinite(value)) value = std::clamp(value, -kMost, kMost);
   }
-  return static_cast<T>(value);
+  return static_cast<T>(value) + T{0};
+}
+
+/// The t of a hit: a hit never looks like a miss.
+template <class T>
+T NarrowT(const RayHit& hit) {
+  constexpr double kMost = std::numeric_limits<double>::max();
+  return Narrow<T>(hit.triangle < 0 ? hit.t : std::clamp(hit.t, -kMost, kMost));
 }
 
 bool IsVector(RayField field) { return field == RayField::kNormal || field == RayField::kPoint; }
@@ -47,7 +55,7 @@ void AppendField(std::string* out, const ClosestAnswer& answer, std::size_t row,
   const RayHit& hit = answer.hits[row];
   switch (field) {
     case RayField::kT:
-      return AppendNumber(out, Narrow<T>(hit.t));
+      return AppendNumber(out, NarrowT<T>(hit));
     case RayField::kTriangle:
       return AppendInteger(out, hit.triangle);
     case RayField::kU:
@@ -127,7 +135,7 @@ char* PutField(char* at, const ClosestAnswer& answer, std::size_t row, RayField 
   const RayHit& hit = answer.hits[row];
   switch (field) {
     case RayField::kT:
-      return Put(at, Narrow<T>(hit.t));
+      return Put(at, NarrowT<T>(hit));
     case RayField::kTriangle:
       // 2^31 triangles do not fit any upload that is taken, so <i4 holds every number.
       return Put(at, static_cast<Integer>(hit.triangle));

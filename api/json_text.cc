@@ -16,7 +16,7 @@ void Append(std::string* out, T value) {
 template <class T>
 void AppendFloating(std::string* out, T value) {
   if (std::isfinite(value)) {
-    Append(out, value);
+    Append(out, value + T{0});
   } else {
     *out += "null";
   }

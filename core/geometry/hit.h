@@ -11,7 +11,8 @@ using PrimitiveId = std::uint32_t;
 inline constexpr PrimitiveId kNoPrimitive = 0xffffffffu;
 
 /// One row of a batch's answer. A miss has primitive_id == kNoPrimitive and t = infinity; a ray
-/// that cannot be (see IsValid) is a miss with t = NaN.
+/// that cannot be (see IsValid) is a miss with t = NaN. The numbers of a hit are finite, and none
+/// is -0: a t beyond double's range is the largest finite number.
 struct Hit {
   double t = std::numeric_limits<double>::infinity();  ///< in lengths of the ray's direction
   double u = 0;  ///< weight of the triangle's second vertex, 0..1

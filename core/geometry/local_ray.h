@@ -28,6 +28,13 @@ namespace kdray::core {
 inline constexpr double kFloatPad = 0x1p-17;
 inline constexpr double kDoublePad = 0x1p-45;
 
+/// The caller's t of a parameter that counts lengths of the local direction, from the origin as
+/// given: rounded, never -0, and the largest finite number where t is beyond it. Monotonic.
+inline double ToCallerT(double along, int exponent) {
+  constexpr double kMost = std::numeric_limits<double>::max();
+  return std::clamp(ScaleByPowerOfTwo(along, exponent), -kMost, kMost) + 0.0;
+}
+
 /// The ray as the tests see it. Its parameter s relates to the caller's t by t = (s + shift) *
 /// 2^exponent: directions are scaled by an exact power of two so that the largest |component| lies
 /// in [1, 2), and an origin outside [-4, 4]^3 is moved along the ray to where it enters [-2, 2]^3,
@@ -51,9 +58,15 @@ struct LocalRay {
   static constexpr double kTinyDirection = 0x1p-60;
 
   /// The caller's t of a local parameter. Monotonic.
-  double ToCallerT(double s) const { return ScaleByPowerOfTwo(s + shift, exponent); }
-  /// The local parameter of a caller's t, rounded: for culling only, after padding.
-  double ToLocalT(double t) const { return ScaleByPowerOfTwo(t, -exponent) - shift; }
+  double ToCallerT(double s) const { return core::ToCallerT(s + shift, exponent); }
+  /// The local parameter of a bound of the caller's interval, rounded: for culling only, after
+  /// padding. The largest finite number bounds nothing: it is the t of all that lies beyond it.
+  double ToLocalT(double t) const {
+    if (std::fabs(t) == std::numeric_limits<double>::max()) {
+      t = std::copysign(std::numeric_limits<double>::infinity(), t);
+    }
+    return ScaleByPowerOfTwo(t, -exponent) - shift;
+  }
 };
 
 /// The part of a ray's parameter range that is still to be searched, local parameters. Not

@@ -195,9 +195,7 @@ void TileRenderer::WriteShaded(const PixelSums& pixel, std::span<float> values) 
 void TileRenderer::WriteNormal(const PixelSums& pixel, int x, int y) const {
   const Vec3f mean(pixel.normal * (1.0 / pixel.samples));
   const std::span<float> values = std::get<Film<float>>(image_->values)(x, y);
-  values[0] = mean.x;
-  values[1] = mean.y;
-  values[2] = mean.z;
+  for (int k = 0; k < 3; ++k) values[static_cast<std::size_t>(k)] = mean[k] + 0.0f;  // no -0
   (*image_->coverage)(x, y)[0] =
       static_cast<float>(pixel.samples - pixel.misses) / static_cast<float>(pixel.samples);
 }

@@ -126,7 +126,7 @@ class ExactTest {
   bool IsInInterval(const Hit& hit, PrimitiveId id, const CornersOf& corners) const {
     return IsBound(hit.t, low_, id, corners) >= 0 && IsBound(hit.t, high_, id, corners) <= 0;
   }
-  double CallerT(const Hit& hit) const { return ScaleByPowerOfTwo(hit.t, ray_.exponent); }
+  double CallerT(const Hit& hit) const { return ToCallerT(hit.t, ray_.exponent); }
   double Slack() const { return pad() + std::fabs(ray_.shift) * 0x1p-50; }
 
  private:

@@ -110,8 +110,9 @@ int AccuracyJudge::SharedCorners(PrimitiveId a, PrimitiveId b) const {
 double AccuracyJudge::ScaledError(const Ray& ray, const Hit& exact, const Hit& hit) const {
   if (hit.t == exact.t) return 0;
   const double cosine = SeenTriangle(mesh_, hit.primitive_id).CosineTo(ray.direction);
-  return std::fabs(hit.t - exact.t) * cosine /
-         (std::fabs(exact.t) + extent_ / LengthAtAnyScale(ray.direction));
+  // Quarters, so that nothing overflows where t is near the end of double's range.
+  return std::fabs(0.25 * hit.t - 0.25 * exact.t) * cosine /
+         (0.25 * std::fabs(exact.t) + 0.25 * (extent_ / LengthAtAnyScale(ray.direction)));
 }
 
 bool AccuracyJudge::IsFold(const Ray& ray, const Hit& nearer) const {

@@ -201,6 +201,53 @@ TEST(N10, ExtremeDirectionsAgreeWithBruteForceAndScaleT) {
   }
 }
 
+TEST(N10, AHitWhoseTNoDoubleHoldsHasTheLargestFiniteOne) {
+  constexpr double kMost = std::numeric_limits<double>::max();
+  MeshData data;
+  data.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  data.triangles = {{0, 1, 2}};
+  const Scene scene = MakeScene(data, BuildKind::kBox);
+  std::vector<Ray> rays;
+  std::vector<double> want;
+  const auto add = [&](double z, double dz, double t_min, double t_max, double t) {
+    Ray ray;
+    ray.origin = {0.2, 0.2, z};
+    ray.direction = {0, 0, dz};
+    ray.t_min = t_min;
+    ray.t_max = t_max;
+    rays.push_back(ray);
+    want.push_back(t);
+  };
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  for (const double dz : {-0x1p-1074, -0x1p-1060, -0x1p-1025}) {
+    add(1, dz, 0, kInf, kMost);
+    add(1, dz, 0, kMost, kMost);      // the t just answered finds the hit again
+    add(1, dz, kMost, kMost, kMost);  // and so it does as the first end
+    add(1, dz, 0, 0x1.fffffffffffffp1022, kInf);
+    add(1, dz, kInf, kInf, kInf);  // a miss: no answer is infinite
+    add(-1, dz, -kInf, 0, -kMost);
+    add(-1, dz, -kMost, 0, -kMost);
+  }
+  // t rounds to -0, which the interval holds and which is answered without its sign.
+  add(0x1p-1000, 0x1p100, -1, 1, 0);
+  for (const Precision precision : kAllPrecisions) {
+    for (const TraceOptions& way : WaysToTrace(precision)) {
+      std::vector<Hit> hits(rays.size());
+      std::vector<std::uint8_t> occluded(rays.size());
+      ASSERT_TRUE(TraceClosest(scene, std::span<const Ray>(rays), way, hits).ok());
+      ASSERT_TRUE(TraceAny(scene, std::span<const Ray>(rays), way, occluded).ok());
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        EXPECT_EQ(hits[i].t, want[i]) << Name(precision) << ", ray " << i;
+        EXPECT_EQ(hits[i].IsHit(), want[i] != kInf) << Name(precision) << ", ray " << i;
+        EXPECT_FALSE(std::signbit(hits[i].t) && hits[i].t == 0) << Name(precision) << ", ray " << i;
+        EXPECT_EQ(occluded[i] != 0, want[i] != kInf) << Name(precision) << ", ray " << i;
+        const Hit brute = BruteForceClosest(*scene.mesh, rays[i], precision);
+        EXPECT_EQ(brute.t, want[i]) << Name(precision) << ", ray " << i;
+      }
+    }
+  }
+}
+
 TEST(N11, RaysThatCannotBeAreMissesAndSpoilNoNeighbour) {
   auto engine = RandomEngine(12);
   const MeshData data = RoundToFloat(UvSphere({0, 0, 0}, 1, 8, 12));

@@ -180,6 +180,68 @@ TEST(N20, APacketAnswersAsItsRaysAloneDo) {
   }
 }
 
+/// Packets of 64 rays from one point of the surface: a vertex, a point of an edge, or one inside a
+/// triangle, as near as floats come.
+std::vector<RayF> RaysFromTheSurface(const MeshData& data, std::size_t packets,
+                                     std::mt19937_64& engine) {
+  std::vector<RayF> rays;
+  for (std::size_t packet = 0; packet < packets; ++packet) {
+    const TriangleIndices& t = data.triangles[engine() % data.triangles.size()];
+    const Vec3d a = data.vertices[t[0]], b = data.vertices[t[1]], c = data.vertices[t[2]];
+    const Vec3f origin(packet % 3 == 0   ? a
+                       : packet % 3 == 1 ? (a + b) * 0.5
+                                         : a * 0.25 + b * 0.25 + c * 0.5);
+    const auto eighth = [&] { return static_cast<float>(static_cast<int>(engine() % 17) - 8) / 8; };
+    const auto step = [&] { return static_cast<float>(static_cast<int>(engine() % 9) - 4) / 512; };
+    const Vec3f direction{eighth(), eighth(), eighth()};
+    const Vec3f right{step(), step(), step()}, up{step(), step(), step()};
+    for (int i = 0; i < 64; ++i) {
+      const Vec3f d =
+          direction + right * static_cast<float>(i % 8) + up * static_cast<float>(i / 8);
+      rays.push_back({origin, 0, d, packet % 4 == 3 ? 1 : INFINITY});
+    }
+  }
+  return rays;
+}
+
+TEST(N20, OriginsOnTheSurfaceChangeNoBitAndGiveNoNegativeZero) {
+  auto engine = RandomEngine(2080);
+  // Coordinates of few bits, so that origins lie exactly on the triangles' planes.
+  MeshData few_bits;
+  few_bits.vertices = {{0, 0, 0},    {1, 0, 0},       {0, 1, 0},
+                       {1, 1, 0.25}, {0.25, 0.25, 1}, {0.75, 0.5, 1}};
+  few_bits.triangles = {{0, 1, 2}, {1, 3, 2}, {0, 2, 1}, {4, 5, 3}, {0, 1, 4}, {2, 4, 0}};
+  std::vector<MeshData> meshes = Meshes();
+  meshes.push_back(few_bits);
+  for (const MeshData& data : meshes) {
+    const Scene scene = MakeScene(data, BuildKind::kKdSah);
+    const std::vector<RayF> rays = RaysFromTheSurface(data, 60, engine);
+    const std::vector<Ray> wide = Widened(rays);
+    for (const Precision precision : kAllPrecisions) {
+      Answers want;
+      for (const Ray& ray : wide) {
+        want.hits.push_back(BruteForceClosest(*scene.mesh, ray, precision));
+        want.occluded.push_back(want.hits.back().IsHit() ? 1 : 0);
+        const Hit& hit = want.hits.back();
+        for (const double number : {hit.t, hit.u, hit.v}) {
+          ASSERT_FALSE(number == 0 && std::signbit(number)) << Name(precision);
+        }
+      }
+      for (const TraceOptions& way : WaysToTrace(precision)) {
+        for (const std::size_t piece : {std::size_t{1}, std::size_t{64}, rays.size()}) {
+          if (piece == 1 && way.engine) continue;  // as the usual way, but slowly
+          const Answers got = Trace(scene, rays, way, piece);
+          ASSERT_TRUE(SameBits(got.hits, want.hits)) << Describe(way) << ", batches of " << piece;
+          ASSERT_EQ(got.occluded, want.occluded) << Describe(way);
+        }
+        const Answers of_doubles = Trace(scene, wide, way, wide.size());
+        ASSERT_TRUE(SameBits(of_doubles.hits, want.hits)) << Describe(way);
+        ASSERT_EQ(of_doubles.occluded, want.occluded) << Describe(way);
+      }
+    }
+  }
+}
+
 TEST(N20, BuildThreadsBatchAndEngineChangeNoBit) {
   for (const MeshData& data : Meshes()) {
     const ClosedMesh mesh = MakeClosedMesh("mesh", data);

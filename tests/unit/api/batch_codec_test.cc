@@ -86,6 +86,45 @@ TEST(ClosestAnswers, KeepAHitFiniteWhenFloatCannotHoldIt) {
   EXPECT_EQ(array->data, Bytes(std::vector<float>{std::numeric_limits<float>::max()}));
 }
 
+TEST(ClosestAnswers, HaveFiniteHitsAndNoNegativeZeroInEitherForm) {
+  ClosestAnswer answer;
+  answer.hits = {{kInfinity, -0.0, -0.0, 1}, {-0.0, 0, -1e-300, 1}, {kInfinity, 0, 0, -1}};
+  answer.normals = {{-0.0f, 1, -0.0f}, {-0.0f, -1, 0}, {kNaNf, kNaNf, kNaNf}};
+  answer.points = {{-0.0, -1e-300, 1e300}, {0, 0, 0}, {kNaN, kNaN, kNaN}};
+  const std::vector<RayField> fields = {kT, kU, kV, kNormal, kPoint};
+  for (const NumberType type : {NumberType::kF4, NumberType::kF8}) {
+    const bool wide = type == NumberType::kF8;
+    const std::string text = Encode(answer, fields, BatchType::kJson, type);
+    const json parsed = json::parse(text);
+    EXPECT_THAT(text, Not(HasSubstr("-0,"))) << text;
+    EXPECT_THAT(text, Not(HasSubstr("-0.0"))) << text;
+    EXPECT_EQ(parsed["results"][0]["t"].get<double>(),
+              wide ? 1.7976931348623157e308 : 3.4028235e38);
+    EXPECT_EQ(parsed["results"][1]["t"].get<double>(), 0.0);
+    EXPECT_TRUE(parsed["results"][2].is_null());
+
+    const std::string npy = Encode(answer, fields, BatchType::kNpy, type);
+    const auto array = ReadNpy(npy);
+    ASSERT_TRUE(array);
+    const std::string_view bytes(reinterpret_cast<const char*>(array->data.data()),
+                                 array->data.size());
+    const std::size_t size = wide ? 8 : 4;
+    ASSERT_EQ(bytes.size(), 3 * 9 * size);
+    const auto number = [&](std::size_t i) {
+      double d = 0;
+      float f = 0;
+      std::memcpy(wide ? static_cast<void*>(&d) : &f, bytes.data() + i * size, size);
+      return wide ? d : static_cast<double>(f);
+    };
+    for (std::size_t i = 0; i < 3 * 9; ++i) {
+      EXPECT_FALSE(number(i) == 0 && std::signbit(number(i))) << i;
+    }
+    EXPECT_EQ(number(0), wide ? std::numeric_limits<double>::max()
+                              : static_cast<double>(std::numeric_limits<float>::max()));
+    EXPECT_EQ(number(2 * 9), kInfinity) << "a miss stays infinite";
+  }
+}
+
 TEST(ClosestAsNpy, OfOneFieldIsAPlainArray) {
   const std::string f8 = Encode(Answer(), {kT}, BatchType::kNpy);
   auto array = ReadNpy(f8);

@@ -106,6 +106,7 @@ TEST(Renderer, WritesNormalsInWorldAxes) {
       for (int x = 0; x < 8; ++x) {
         const std::span<const float> n = Floats(image)(x, y);
         EXPECT_EQ((Vec3f{n[0], n[1], n[2]}), Vec3f(c.normal));
+        for (const float x_y_or_z : n) EXPECT_FALSE(x_y_or_z == 0 && std::signbit(x_y_or_z));
         EXPECT_EQ((*image.coverage)(x, y)[0], 1.0f);
       }
     }
