@@ -52,7 +52,7 @@ END
       esac | tr ' ' '\n'
       cat <<'END'
 libdeflate0
-libgmpxx4ldbl
+libgmp10
 libtbb12
 END
       ;;

@@ -1,40 +1,18 @@
 #include "core/geometry/local_ray.h"
 
+#include "core/geometry/double_double.h"
+#include "core/geometry/dyadic.h"
+
 namespace kdray::core {
 namespace {
 
-void MoveBy(double s, LocalRay* ray) {
-  ray->shift = s;
-  ray->origin = ray->origin + s * ray->direction;
-}
+// Beyond it, rounding on the way to the mesh may reach 1: a ray may pass the mesh anywhere as far
+// as double can tell.
+constexpr double kFar = 0x1p46;
+// What two doubles leave out of a coordinate up to 4, with room.
+constexpr double kErrorOfTwo = 0x1p-100;
 
-/// Moves the origin along the ray to near the mesh; false when the ray misses that.
-bool MoveToMesh(LocalRay* ray) {
-  // The box is twice the mesh's: where rounding on the way here is below 1, no ray that meets the
-  // mesh is lost.
-  constexpr double kFar = 0x1p46;
-  const double distance = MaxAbs(ray->origin);
-  if (distance <= kFar) {
-    constexpr double kInf = std::numeric_limits<double>::infinity();
-    const LocalInterval inside =
-        ClipToBox(*ray, Bounds3d{{-2, -2, -2}, {2, 2, 2}}, 0, {-kInf, kInf});
-    if (inside.IsEmpty() || !std::isfinite(inside.enter)) return false;
-    MoveBy(inside.enter, ray);
-    return MaxAbs(ray->origin) <= 4;
-  }
-  // Farther out the ray may pass the mesh anywhere as far as double can tell, and only `exact`,
-  // which goes back to the ray as given, knows. Its pad grows with the shift and covers what is
-  // lost here: the point nearest to the middle of the frame is off by up to 2^-51 of the distance,
-  // and moved by no more than that again.
-  MoveBy(-Dot(ray->origin, ray->direction) / Dot(ray->direction, ray->direction), ray);
-  if (!(MaxAbs(ray->origin) <= 2 + 0x1p-51 * distance)) return false;
-  for (int axis = 0; axis < 3; ++axis) ray->origin[axis] = std::clamp(ray->origin[axis], -4.0, 4.0);
-  return true;
-}
-
-}  // namespace
-
-std::optional<LocalRay> MakeLocalRay(const Ray& ray, const MeshFrame& frame) {
+LocalRay Unmoved(const Ray& ray, const MeshFrame& frame) {
   LocalRay local;
   local.t_min = ray.t_min;
   local.t_max = ray.t_max;
@@ -55,8 +33,99 @@ std::optional<LocalRay> MakeLocalRay(const Ray& ray, const MeshFrame& frame) {
     const double d = local.direction[axis];
     local.inverse[axis] = std::fabs(d) < LocalRay::kTinyDirection ? 0.0 : 1.0 / d;
   }
+  return local;
+}
 
-  if (!(MaxAbs(local.origin) <= 4) && !MoveToMesh(&local)) return std::nullopt;
+/// Moves the origin to where the ray enters [-2, 2]^3; false when it misses that. The box is twice
+/// the mesh's, and rounding on the way is below 1, so no ray that meets the mesh is lost.
+bool MoveToBox(LocalRay* ray) {
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  const LocalInterval inside = ClipToBox(*ray, Bounds3d{{-2, -2, -2}, {2, 2, 2}}, 0, {-kInf, kInf});
+  if (inside.IsEmpty() || !std::isfinite(inside.enter)) return false;
+  ray->shift = inside.enter;
+  ray->origin = ray->origin + inside.enter * ray->direction;
+  return MaxAbs(ray->origin) <= 4;
+}
+
+/// The origin as given in the mesh's frame, one axis: what double holds, and the rest.
+DoubleDouble OriginAsGiven(const LocalRay& ray, int axis) {
+  const DoubleDouble moved = TwoDifference(ray.given->origin[axis], ray.frame->origin[axis]);
+  return {ScaleByPowerOfTwo(moved.high, -ray.frame->exponent),
+          ScaleByPowerOfTwo(moved.low, -ray.frame->exponent)};
+}
+
+/// Computes the origin that MoveToBox found again, from the ray as given: a sum of four terms, of
+/// which the largest two cancel.
+void RefineOrigin(LocalRay* ray) {
+  for (int axis = 0; axis < 3; ++axis) {
+    const DoubleDouble start = OriginAsGiven(*ray, axis);
+    const DoubleDouble way = TwoProduct(ray->shift, ray->direction[axis]);
+    const DoubleDouble high = TwoSum(start.high, way.high);
+    const DoubleDouble low = TwoSum(start.low, way.low);
+    const DoubleDouble sum = TwoSum(high.high, low.high);
+    const DoubleDouble rest = TwoSum(sum.low, high.low);
+    const DoubleDouble origin = TwoSum(sum.high, rest.high + (rest.low + low.low));
+    ray->origin[axis] = origin.high;
+    ray->origin_low[axis] = origin.low;
+  }
+  ray->origin_error = kErrorOfTwo;
+}
+
+/// Moves the origin to where the ray is nearest to the middle of the frame, to within 2^-8 lengths
+/// of its direction; false when that is too far for the mesh, which is within sqrt(3) of the
+/// middle.
+bool MoveFromFar(LocalRay* ray) {
+  const int frame_exponent = ray->frame->exponent;
+  const int direction_exponent = std::ilogb(MaxAbs(ray->given->direction));
+  Dyadic origin[3], direction[3], along, square;
+  for (int axis = 0; axis < 3; ++axis) {
+    origin[axis] = (Dyadic(ray->given->origin[axis]) - Dyadic(ray->frame->origin[axis]))
+                       .TimesPowerOfTwo(-frame_exponent);
+    direction[axis] = Dyadic(ray->given->direction[axis]).TimesPowerOfTwo(-direction_exponent);
+    along = along - origin[axis] * direction[axis];
+    square = square + direction[axis] * direction[axis];
+  }
+  Dyadic shift = Dyadic::Quotient(along, square, -8);
+  for (int axis = 0; axis < 3; ++axis) {
+    const Dyadic moved = origin[axis] + shift * direction[axis];
+    const double rounded = moved.ToDouble();
+    if (!(std::fabs(rounded) <= 2)) return false;
+    ray->origin[axis] = rounded;
+    ray->origin_low[axis] = (moved - Dyadic(rounded)).ToDouble();
+  }
+  ray->origin_error = kErrorOfTwo;
+  // Not 0, since the origin as given is farther from the middle.
+  constexpr int kLargest = 1000, kScaled = 900;
+  if (shift.Exponent() > kLargest) {
+    const int down = static_cast<int>(shift.Exponent()) - kScaled;
+    shift = shift.TimesPowerOfTwo(-down);
+    ray->exponent += down;
+  }
+  ray->shift = shift.ToDouble();
+  ray->shift_low = (shift - Dyadic(ray->shift)).ToDouble();
+  return true;
+}
+
+}  // namespace
+
+std::optional<LocalRay> MakeLocalRay(const Ray& ray, const MeshFrame& frame) {
+  LocalRay local = Unmoved(ray, frame);
+  const double distance = MaxAbs(local.origin);
+  if (distance <= 4) return local;
+  if (distance <= kFar ? MoveToBox(&local) : MoveFromFar(&local)) return local;
+  return std::nullopt;
+}
+
+std::optional<LocalRay> MakeExactLocalRay(const Ray& ray, const MeshFrame& frame) {
+  LocalRay local = Unmoved(ray, frame);
+  const double distance = MaxAbs(local.origin);
+  if (distance <= 4) {
+    for (int axis = 0; axis < 3; ++axis) local.origin_low[axis] = OriginAsGiven(local, axis).low;
+    return local;
+  }
+  if (distance > kFar) return MoveFromFar(&local) ? std::optional(local) : std::nullopt;
+  if (!MoveToBox(&local)) return std::nullopt;
+  RefineOrigin(&local);
   return local;
 }
 

@@ -37,18 +37,25 @@ inline double ToCallerT(double along, int exponent) {
 
 /// The ray as the tests see it. Its parameter s relates to the caller's t by t = (s + shift) *
 /// 2^exponent: directions are scaled by an exact power of two so that the largest |component| lies
-/// in [1, 2), and an origin outside [-4, 4]^3 is moved along the ray to where it enters [-2, 2]^3,
-/// so that float tests keep their accuracy for far cameras. (Beyond 2^46 mesh sizes, to about where
-/// the ray is nearest to the mesh; then only `exact` promises anything.)
+/// in [1, 2), and an origin outside [-4, 4]^3 is moved along the ray: to where it enters [-2, 2]^3,
+/// so that float tests keep their accuracy for far cameras, and from beyond 2^46 mesh sizes to
+/// where it is nearest to the middle of the frame, without rounding on the way. (A shift beyond
+/// 2^1000 is scaled down and `exponent` up instead: s then counts for nothing beside it.)
 struct LocalRay {
   Vec3d origin;     ///< |component| <= 4
   Vec3d direction;  ///< largest |component| in [1, 2)
-  Vec3d inverse;    ///< 1 / direction; 0 where |component| < kTinyDirection, which a cull treats as
-                    ///< parallel
+  Vec3d inverse;    ///< 1 / direction; 0 where |component| < kTinyDirection, which
+                    ///< a cull treats as parallel
   double shift = 0;
   int exponent = 0;
   double t_min = 0;  ///< the caller's interval, in the caller's t
   double t_max = 0;
+
+  // What MakeExactLocalRay knows besides: what rounding took from `origin`, to within origin_error
+  // on each axis, and from `shift`.
+  Vec3d origin_low;
+  double origin_error = 0;
+  double shift_low = 0;
 
   /// What the ray was made from, for tests that go back to the input as given. Must outlive this.
   const Ray* given = nullptr;
@@ -59,14 +66,8 @@ struct LocalRay {
 
   /// The caller's t of a local parameter. Monotonic.
   double ToCallerT(double s) const { return core::ToCallerT(s + shift, exponent); }
-  /// The local parameter of a bound of the caller's interval, rounded: for culling only, after
-  /// padding. The largest finite number bounds nothing: it is the t of all that lies beyond it.
-  double ToLocalT(double t) const {
-    if (std::fabs(t) == std::numeric_limits<double>::max()) {
-      t = std::copysign(std::numeric_limits<double>::infinity(), t);
-    }
-    return ScaleByPowerOfTwo(t, -exponent) - shift;
-  }
+  /// The local parameter of a caller's t, rounded: for culling only, after padding.
+  double ToLocalT(double t) const { return ScaleByPowerOfTwo(t, -exponent) - shift; }
 };
 
 /// The part of a ray's parameter range that is still to be searched, local parameters. Not
@@ -80,6 +81,9 @@ struct LocalInterval {
 /// The local form of a valid ray (IsValid); keeps pointers to both arguments. Nothing when the ray
 /// misses [-2, 2]^3 and so the mesh.
 std::optional<LocalRay> MakeLocalRay(const Ray& ray, const MeshFrame& frame);
+/// The same with the origin moved without rounding, however far it is: `origin` is within 2^-50 of
+/// a point of the ray as given, and both shifts and origin_low say more about it.
+std::optional<LocalRay> MakeExactLocalRay(const Ray& ray, const MeshFrame& frame);
 
 /// Where the fat ray (half-width `pad`) is inside `box`; empty when it passes by. Right for zero
 /// direction components, flat boxes and infinite intervals. Source: Kay and Kajiya 1986 (slabs);
@@ -108,11 +112,22 @@ inline LocalInterval ClipToBox(const LocalRay& ray, const Bounds3d& box, double 
 /// The caller's [t_min, t_max] as local parameters, rounded outward.
 inline LocalInterval SearchInterval(const LocalRay& ray) {
   constexpr double kSlack = 0x1p-48;
-  const double enter = ray.ToLocalT(ray.t_min);
-  const double exit = ray.ToLocalT(ray.t_max);
-  // The rounding of a conversion is relative to |t| and |shift|, not to their difference.
-  const double scale = std::fabs(ray.shift) + 8;
-  return {enter - kSlack * (std::fabs(enter) + scale), exit + kSlack * (std::fabs(exit) + scale)};
+  // The largest finite numbers bound nothing that lies beyond them: they are its t.
+  using Limits = std::numeric_limits<double>;
+  const double t_min = ray.t_min == Limits::lowest() ? -Limits::infinity() : ray.t_min;
+  const double t_max = ray.t_max == Limits::max() ? Limits::infinity() : ray.t_max;
+  const double enter = ray.ToLocalT(t_min);
+  const double exit = ray.ToLocalT(t_max);
+  // The rounding of a conversion is relative to |t| and |shift|, not to their difference. An end
+  // that overflows says nothing beside a shift that is almost as large.
+  // And t is rounded to multiples of 2^-1074, which may be more than the mesh in local lengths.
+  const double scale =
+      std::fabs(ray.shift) + 8 + ScaleByPowerOfTwo(0x1p-1074, -ray.exponent) / kSlack;
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const bool is_extreme = std::fabs(ray.shift) > 0x1p800;
+  return {
+      is_extreme && std::isinf(enter) ? -kInfinity : enter - kSlack * (std::fabs(enter) + scale),
+      is_extreme && std::isinf(exit) ? kInfinity : exit + kSlack * (std::fabs(exit) + scale)};
 }
 
 }  // namespace kdray::core

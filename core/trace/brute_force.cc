@@ -23,7 +23,9 @@ struct EveryTriangle {
 };
 
 template <class Test>
-Hit Closest(const TriangleMesh& mesh, const LocalRay& ray) {
+Hit Closest(const TriangleMesh& mesh, const Ray& given) {
+  const std::optional<LocalRay> local = Test::MakeRay(given, mesh.frame());
+  if (!local) return Hit{};
   std::vector<PrimitiveId> ids;
   for (PrimitiveId id = 0; id < mesh.triangle_count(); ++id) {
     if (!mesh.IsDegenerate(id)) ids.push_back(id);
@@ -32,7 +34,7 @@ Hit Closest(const TriangleMesh& mesh, const LocalRay& ray) {
     CancelPoll never{CancelToken()};
     return FindClosest<Test>(EveryTriangle{ids},
                              Corners<typename Test::Number, Stored>(vertices, mesh.triangles()),
-                             ray, NoCost{}, &never);
+                             *local, NoCost{}, &never);
   });
 }
 
@@ -44,17 +46,15 @@ Hit BruteForceClosest(const TriangleMesh& mesh, const Ray& ray, Precision precis
     invalid.t = std::numeric_limits<double>::quiet_NaN();
     return invalid;
   }
-  const std::optional<LocalRay> local = MakeLocalRay(ray, mesh.frame());
-  if (!local) return Hit{};
   switch (precision) {
     case Precision::kFast:
-      return Closest<FastTest>(mesh, *local);
+      return Closest<FastTest>(mesh, ray);
     case Precision::kWatertight:
-      return Closest<WatertightTest<float>>(mesh, *local);
+      return Closest<WatertightTest<float>>(mesh, ray);
     case Precision::kDouble:
-      return Closest<WatertightTest<double>>(mesh, *local);
+      return Closest<WatertightTest<double>>(mesh, ray);
     case Precision::kExact:
-      return Closest<ExactTest>(mesh, *local);
+      return Closest<ExactTest>(mesh, ray);
   }
   return Hit{};
 }

@@ -63,7 +63,7 @@ Status ForEachRay(const Scene& scene, const RayBatch& rays, const CancelToken& c
         if (poll->Spend(kNodeWork)) return;
         const Ray ray = rays[i];
         if (!IsValid(ray)) continue;
-        const std::optional<LocalRay> local = MakeLocalRay(ray, scene.mesh->frame());
+        const std::optional<LocalRay> local = ExactTest::MakeRay(ray, scene.mesh->frame());
         if (!local) continue;
         const ExactTest test(*local);
         FindCrossings(scene.tree->wide, corners, *local, test, poll, &crossings);
@@ -108,7 +108,7 @@ Result<Crossings> TraceAll(const Scene& scene, RayBatch rays, std::size_t max_hi
         PolledPartialSort(std::span(crossings), kept[i], ExactTest::kWork, poll, is_closer);
         std::vector<Hit>& hits = chunks[i / kChunkRays];
         for (const Crossing& c : std::span(crossings).first(kept[i]))
-          hits.push_back({test.CallerT(c.hit), c.hit.u, c.hit.v, c.id});
+          hits.push_back(test.Finish(c.hit, c.id, corners));
       });
   if (!status.ok()) return status.error();
 

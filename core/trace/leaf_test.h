@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <optional>
 
 #include "core/geometry/hit.h"
 #include "core/geometry/local_ray.h"
@@ -28,6 +29,10 @@ class RoundedOrder {
   static constexpr std::uint64_t kWork = 64;
 
   explicit RoundedOrder(const LocalRay& ray) : ray_(ray) {}
+  /// The form of a ray that the test takes; nothing when it misses the mesh.
+  static std::optional<LocalRay> MakeRay(const Ray& ray, const MeshFrame& frame) {
+    return MakeLocalRay(ray, frame);
+  }
 
   /// Orders by s + shift, which orders as t does but cannot overflow; at equality by id.
   template <class CornersOf>
@@ -41,8 +46,13 @@ class RoundedOrder {
     return t >= ray_.t_min && t <= ray_.t_max;
   }
   double CallerT(const LeafHit& hit) const { return ray_.ToCallerT(hit.s); }
-  /// Different s can round to one t: a triangle that ties with a hit may begin this much later.
-  double Slack() const { return std::fabs(ray_.shift) * 0x1p-50; }
+  /// The local parameter beyond which nothing is closer than a hit. Different s can round to one t:
+  /// a triangle that ties with the hit may begin a little later.
+  double Limit(const LeafHit& hit) const { return hit.s + std::fabs(ray_.shift) * 0x1p-50; }
+  template <class CornersOf>
+  core::Hit Finish(const LeafHit& hit, PrimitiveId id, const CornersOf&) const {
+    return {CallerT(hit), hit.u, hit.v, id};
+  }
 
  protected:
   const LocalRay& ray() const { return ray_; }

@@ -63,12 +63,12 @@ struct ClosestSearch {
     if (!test.IsInInterval(hit, id, corners)) return false;
     best = hit;
     best_id = id;
-    limit = hit.s + test.Slack();
+    limit = test.Limit(hit);
     return true;
   }
-  Hit Finish(const Test& test) const {
-    if (best_id == kNoPrimitive) return Hit{};
-    return Hit{test.CallerT(best), best.u, best.v, best_id};
+  template <class Corners>
+  Hit Finish(const Test& test, const Corners& corners) const {
+    return best_id == kNoPrimitive ? Hit{} : test.Finish(best, best_id, corners);
   }
 };
 
@@ -95,7 +95,7 @@ Hit FindClosest(const Structure& structure, const Corners& corners, const LocalR
         cost.CountNode();
         return !poll->Spend(kNodeWork);
       });
-  return closest.Finish(test);
+  return closest.Finish(test, corners);
 }
 
 }  // namespace kdray::core

@@ -116,7 +116,7 @@ Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& option
     hits[i] = InvalidRow();
     const Ray ray = rays[i];
     if (!IsValid(ray)) return;
-    const std::optional<LocalRay> local = MakeLocalRay(ray, scene.mesh->frame());
+    const std::optional<LocalRay> local = Test::MakeRay(ray, scene.mesh->frame());
     hits[i] =
         local ? FindClosest<Test>(structure, corners, *local, CountCost{&costs[i]}, poll) : Hit{};
   };
@@ -135,10 +135,10 @@ Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& option
 
 Hit ClosestHit(const Scene& scene, const Ray& ray, Precision precision) {
   if (!IsValid(ray)) return InvalidRow();
-  const std::optional<LocalRay> local = MakeLocalRay(ray, scene.mesh->frame());
-  if (!local) return Hit{};
   CancelPoll never{CancelToken()};
-  return MakeJudge(*scene.mesh, precision)->Closest(*local, scene.tree->wide, &never);
+  const std::unique_ptr<const Judge> judge = MakeJudge(*scene.mesh, precision);
+  const std::optional<LocalRay> local = judge->MakeRay(ray, scene.mesh->frame());
+  return local ? judge->Closest(*local, scene.tree->wide, &never) : Hit{};
 }
 
 bool AnyHit(const Scene& scene, const Ray& ray, Precision precision) {

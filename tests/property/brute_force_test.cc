@@ -222,7 +222,7 @@ TEST(N10, AHitWhoseTNoDoubleHoldsHasTheLargestFiniteOne) {
   for (const double dz : {-0x1p-1074, -0x1p-1060, -0x1p-1025}) {
     add(1, dz, 0, kInf, kMost);
     add(1, dz, 0, kMost, kMost);      // the t just answered finds the hit again
-    add(1, dz, kMost, kMost, kMost);  // and so it does as the first end
+    add(1, dz, kMost, kMost, kMost);  // as the first end too
     add(1, dz, 0, 0x1.fffffffffffffp1022, kInf);
     add(1, dz, kInf, kInf, kInf);  // a miss: no answer is infinite
     add(-1, dz, -kInf, 0, -kMost);

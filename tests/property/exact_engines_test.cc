@@ -6,12 +6,16 @@
 
 #include <bit>
 #include <cmath>
+#include <cstdio>
+#include <ctime>
 #include <limits>
 #include <span>
 #include <vector>
 
+#include "core/base/parallel.h"
+#include "core/geometry/double_double.h"
 #include "core/trace/brute_force.h"
-#include "core/trace/double_double.h"
+#include "core/trace/crossings.h"
 #include "core/trace/trace.h"
 #include "tests/property/scenes.h"
 #include "tests/support/seed.h"
@@ -230,6 +234,147 @@ TEST(ExactEngines, AnswerFloatRaysAsTheSameRaysInDouble) {
       ASSERT_EQ(hits[i], ClosestHit(scene, wide, Precision::kExact)) << Describe(way);
     }
   }
+}
+
+TEST(ExactEngines, FindAHitAgainFromTheTThatTheyAnswered) {
+  auto engine = RandomEngine(420);
+  const MeshData data = Soup(200, 0.4, 421);
+  const Scene scene = MakeScene(data, BuildKind::kKdSah);
+  std::vector<Ray> rays = RandomRays(scene.mesh->bounds(), 500, engine);
+  for (Ray& ray : rays) ray.origin = ray.origin - ray.direction * std::ldexp(1, engine() % 60);
+  std::vector<Hit> first(rays.size());
+  ASSERT_TRUE(TraceClosest(scene, std::span<const Ray>(rays), With(Precision::kExact), first).ok());
+  std::vector<Ray> again;
+  std::vector<Hit> want;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    if (!first[i].IsHit()) continue;
+    const double t = first[i].t;
+    for (const auto& [t_min, t_max] : {std::pair{0.0, t}, {t, t}, {t, kInf}}) {
+      if (!(t_min <= t_max)) continue;
+      again.push_back(rays[i]);
+      again.back().t_min = t_min;
+      again.back().t_max = t_max;
+      want.push_back(first[i]);
+    }
+  }
+  ASSERT_GT(again.size(), 300u);
+  for (const TraceOptions& way : WaysToTrace(Precision::kExact)) {
+    std::vector<Hit> hits(again.size());
+    std::vector<std::uint8_t> occluded(again.size());
+    ASSERT_TRUE(TraceClosest(scene, std::span<const Ray>(again), way, hits).ok());
+    ASSERT_TRUE(TraceAny(scene, std::span<const Ray>(again), way, occluded).ok());
+    EXPECT_EQ(hits, want) << Describe(way);
+    EXPECT_EQ(occluded, std::vector<std::uint8_t>(again.size(), 1)) << Describe(way);
+  }
+  const Crossings crossings = TraceAll(scene, std::span<const Ray>(again), 64, {}).value();
+  for (std::size_t i = 0; i < again.size(); ++i) {
+    ASSERT_LT(crossings.first[i], crossings.first[i + 1]);
+    EXPECT_EQ(crossings.hits[crossings.first[i]], want[i]);
+    EXPECT_EQ(BruteForceClosest(*scene.mesh, again[i], Precision::kExact), want[i]);
+  }
+}
+
+TEST(ExactEngines, AnswerAsTheScalarTestFromAnyDistance) {
+  auto engine = RandomEngine(422);
+  const MeshData data = HostileMesh(engine);
+  std::vector<Ray> rays;
+  for (const Ray& near : HostileRays(data, 1, 1'500, engine)) {
+    Ray ray = near;
+    // Of few bits, so that moving the origin loses nothing and rays still meet what they met.
+    for (int axis = 0; axis < 3; ++axis) {
+      ray.origin[axis] = std::round(std::ldexp(ray.origin[axis], 8)) * 0x1p-8;
+      ray.direction[axis] = std::round(std::ldexp(ray.direction[axis], 8)) * 0x1p-8;
+    }
+    constexpr int kAway[] = {3, 20, 34, 40, 47, 60, 300};
+    ray.origin = ray.origin - ray.direction * std::ldexp(1, kAway[engine() % std::size(kAway)]);
+    ray.t_max = kInf;
+    if (IsValid(ray)) rays.push_back(ray);
+  }
+  ExpectSameAsBruteForce(data, rays, {Precision::kExact});
+}
+
+TEST(FarOrigins, LoseNoHitInAnyPrecisionHoweverSmallTheMesh) {
+  for (const int size : {100, 0, -30, -300, -700, -1000}) {
+    const double mesh_size = std::ldexp(1, size);
+    MeshData data;
+    data.vertices = {{-mesh_size, -mesh_size, 0}, {mesh_size, -mesh_size, 0}, {0, mesh_size, 0}};
+    data.triangles = {{0, 1, 2}};
+    const Scene scene = MakeScene(data, BuildKind::kBox);
+    for (const int away : {0, 20, 50, 100, 300, 700, 1000}) {
+      for (const double x : {0.0, 1.0}) {
+        Ray ray;
+        ray.origin = Vec3d{x, x, 1} * std::ldexp(1, away);
+        ray.direction = {-x, -x, -1};
+        for (const Precision precision : kAllPrecisions) {
+          const Hit hit = ClosestHit(scene, ray, precision);
+          ASSERT_TRUE(hit.IsHit()) << Name(precision) << ", 2^" << size << " from 2^" << away;
+          const double tolerance = precision == Precision::kExact ? 0 : 0x1p-20;
+          EXPECT_LE(std::fabs(hit.t - ray.origin.z), tolerance * (ray.origin.z + mesh_size))
+              << Name(precision) << ", 2^" << size << " from 2^" << away;
+          for (const TraceOptions& way : WaysToTrace(precision)) {
+            std::vector<Hit> hits(1);
+            ASSERT_TRUE(TraceClosest(scene, std::span<const Ray>(&ray, 1), way, hits).ok());
+            EXPECT_EQ(hits[0], hit) << Describe(way);
+          }
+        }
+      }
+    }
+  }
+}
+
+/// Processor time of one run of all rays, in seconds: the least of several.
+double LeastTime(const Scene& scene, const std::vector<Ray>& rays, Precision precision) {
+  std::vector<Hit> hits(rays.size());
+  double least = kInf;
+  for (int run = 0; run < 7; ++run) {
+    const std::clock_t begin = std::clock();
+    EXPECT_TRUE(TraceClosest(scene, std::span<const Ray>(rays), With(precision), hits).ok());
+    least = std::min(least, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+  }
+  return least;
+}
+
+TEST(ExactEngines, TakeAtMostFiveTimesAsLongAsDoubleDownAtVerticesAndEdges) {
+  constexpr int kPosts = 100;
+  const auto height = [](int x, int y) { return 0.3 * std::sin(x) * std::cos(y); };
+  MeshData data;
+  for (int y = 0; y < kPosts; ++y) {
+    for (int x = 0; x < kPosts; ++x) {
+      data.vertices.push_back({static_cast<double>(x), static_cast<double>(y), height(x, y)});
+    }
+  }
+  for (std::uint32_t y = 0; y + 1 < kPosts; ++y) {
+    for (std::uint32_t x = 0; x + 1 < kPosts; ++x) {
+      const std::uint32_t i = y * kPosts + x;
+      data.triangles.push_back({i, i + 1, i + kPosts + 1});
+      data.triangles.push_back({i, i + kPosts + 1, i + kPosts});
+    }
+  }
+  const Scene scene = MakeScene(data, BuildKind::kKdSah);
+  std::vector<Ray> down, at_vertices, on_edges;
+  for (const Vec3d& v : data.vertices) {
+    Ray ray;
+    ray.origin = {v.x, v.y, 5};
+    ray.direction = {0, 0, -1};
+    down.push_back(ray);
+    at_vertices.push_back(RayTo({49.3, 51.7, 40}, v));
+    ray.origin = ray.origin + Vec3d{0.5, 0.5, 0};
+    on_edges.push_back(ray);
+  }
+  Arena arena(1);
+  arena.Run([&] {
+    for (const auto& [name, rays] : {std::pair{"down at vertices", &down},
+                                     {"at vertices", &at_vertices},
+                                     {"down at middles of diagonals", &on_edges}}) {
+      const double in_double = LeastTime(scene, *rays, Precision::kDouble);
+      const double in_exact = LeastTime(scene, *rays, Precision::kExact);
+      std::printf("%s: double %.2f us a ray, exact %.2f\n", name,
+                  in_double * 1e6 / static_cast<double>(rays->size()),
+                  in_exact * 1e6 / static_cast<double>(rays->size()));
+      // Rays at vertices are near the aim of 5 themselves; a busy machine needs room.
+      EXPECT_LE(in_exact, (rays == &at_vertices ? 8 : 5) * in_double) << name;
+    }
+  });
 }
 
 }  // namespace

@@ -215,7 +215,7 @@ TEST(N20, OriginsOnTheSurfaceChangeNoBitAndGiveNoNegativeZero) {
   meshes.push_back(few_bits);
   for (const MeshData& data : meshes) {
     const Scene scene = MakeScene(data, BuildKind::kKdSah);
-    const std::vector<RayF> rays = RaysFromTheSurface(data, 60, engine);
+    const std::vector<RayF> rays = RaysFromTheSurface(data, 24, engine);
     const std::vector<Ray> wide = Widened(rays);
     for (const Precision precision : kAllPrecisions) {
       Answers want;

@@ -64,7 +64,7 @@ void Check(const MeshData& data, const std::vector<Ray>& rays, Tally* tally) {
       if (precision != Precision::kExact) continue;
       ASSERT_EQ(hit.primitive_id, want.primitive_id) << "ray " << tally->rays;
       if (hit.IsHit()) {
-        ASSERT_TRUE(IsWithinOneUlp(hit.t, want.t)) << "ray " << tally->rays;
+        ASSERT_EQ(hit.t, RoundedToNearest(want.t)) << "ray " << tally->rays;
       }
     }
   }

@@ -1,5 +1,6 @@
 #include "tests/support/rationals.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -62,9 +63,46 @@ std::optional<mpq_class> RationalHit(const Ray& ray, const TriangleCorners& corn
   return t;
 }
 
+double RoundedToNearest(const mpq_class& t) {
+  if (t == 0) return 0;
+  const mpq_class size = abs(t);
+  // 2^exponent <= size < 2^(exponent + 1), give or take one.
+  long exponent = static_cast<long>(mpz_sizeinbase(size.get_num().get_mpz_t(), 2)) -
+                  static_cast<long>(mpz_sizeinbase(size.get_den().get_mpz_t(), 2));
+  const auto power = [](long k) {
+    mpq_class q(1);
+    if (k >= 0) {
+      mpq_mul_2exp(q.get_mpq_t(), q.get_mpq_t(), static_cast<unsigned long>(k));
+    } else {
+      mpq_div_2exp(q.get_mpq_t(), q.get_mpq_t(), static_cast<unsigned long>(-k));
+    }
+    return q;
+  };
+  while (power(exponent) > size) --exponent;
+  while (power(exponent + 1) <= size) ++exponent;
+  const long unit = std::max(exponent - 52, -1074L);  // the last place, a power of two
+  const mpq_class scaled = size / power(unit);
+  mpz_class whole = scaled.get_num() / scaled.get_den();
+  const int half = cmp(scaled - whole, mpq_class(1, 2));
+  if (half > 0 || (half == 0 && mpz_odd_p(whole.get_mpz_t()))) ++whole;
+  const double rounded = std::min(std::ldexp(whole.get_d(), static_cast<int>(unit)),
+                                  std::numeric_limits<double>::max());
+  return (t < 0 ? -rounded : rounded) + 0.0;
+}
+
 bool IsInInterval(const Ray& ray, const mpq_class& t) {
-  return (std::isinf(ray.t_min) ? ray.t_min < 0 : mpq_class(ray.t_min) <= t) &&
-         (std::isinf(ray.t_max) ? ray.t_max > 0 : t <= mpq_class(ray.t_max));
+  const double answered = RoundedToNearest(t);
+  return ray.t_min <= answered && answered <= ray.t_max;
+}
+
+RationalWeights WeightsOf(const Ray& ray, const TriangleCorners& corners) {
+  const QTriangle triangle = ToQ(corners);
+  const Q3 origin = ToQ(ray.origin), d = ToQ(ray.direction);
+  const mpq_class t = Dot(triangle.normal, triangle.a - origin) / Dot(triangle.normal, d);
+  const Q3 p{origin.x + t * d.x, origin.y + t * d.y, origin.z + t * d.z};
+  const mpq_class area = Dot(triangle.normal, triangle.normal);
+  return {Dot(triangle.normal, Cross(triangle.a - triangle.c, p - triangle.c)) / area,
+          Dot(triangle.normal, Cross(triangle.b - triangle.a, p - triangle.a)) / area};
 }
 
 RationalClosestHit RationalClosest(const MeshData& data, const Ray& ray) {
@@ -92,12 +130,6 @@ std::size_t RationalCrossings(const MeshData& data, const Ray& ray, const mpq_cl
     if (IsInInterval(ray, Dot(triangle.normal, triangle.a - origin) / along)) ++crossings;
   }
   return crossings;
-}
-
-bool IsWithinOneUlp(double rounded, const mpq_class& exact) {
-  const double below = std::nextafter(rounded, -std::numeric_limits<double>::infinity());
-  const double above = std::nextafter(rounded, std::numeric_limits<double>::infinity());
-  return mpq_class(below) <= exact && exact <= mpq_class(above);
 }
 
 }  // namespace kdray::test

@@ -22,8 +22,18 @@ TriangleCorners CornersOf(const core::MeshData& data, core::PrimitiveId id);
 /// the triangle's plane.
 std::optional<mpq_class> RationalHit(const core::Ray& ray, const TriangleCorners& triangle);
 
-/// Whether t lies in [t_min, t_max].
+/// The t that is answered for an exact one: rounded to the nearest double, ties to even, and the
+/// largest finite one beyond the range of double.
+double RoundedToNearest(const mpq_class& t);
+
+/// Whether the t that is answered lies in [t_min, t_max].
 bool IsInInterval(const core::Ray& ray, const mpq_class& t);
+
+/// Of the second and third corner, where the ray's line meets the triangle's plane.
+struct RationalWeights {
+  mpq_class u, v;
+};
+RationalWeights WeightsOf(const core::Ray& ray, const TriangleCorners& triangle);
 
 struct RationalClosestHit {
   core::PrimitiveId primitive_id = core::kNoPrimitive;
@@ -36,8 +46,5 @@ RationalClosestHit RationalClosest(const core::MeshData& data, const core::Ray& 
 /// as given. For e so small that the moved ray passes every edge on the side that an infinitely
 /// small e would; asserts that it meets none.
 std::size_t RationalCrossings(const core::MeshData& data, const core::Ray& ray, const mpq_class& e);
-
-/// Whether `rounded` is `exact` or one of the two doubles around it.
-bool IsWithinOneUlp(double rounded, const mpq_class& exact);
 
 }  // namespace kdray::test

@@ -18,6 +18,9 @@ class JudgeOf final : public Judge {
   explicit JudgeOf(const TriangleMesh& mesh)
       : corners_(mesh.vertices<Stored>(), mesh.triangles()) {}
 
+  std::optional<LocalRay> MakeRay(const Ray& ray, const MeshFrame& frame) const override {
+    return LeafTest::MakeRay(ray, frame);
+  }
   void Begin(const LocalRay& ray, JudgeSpace* space) const override {
     static_assert(sizeof(Search) <= sizeof(JudgeSpace) && std::is_trivially_destructible_v<Search>);
     new (space->bytes) Search(ray);
@@ -29,7 +32,7 @@ class JudgeOf final : public Judge {
   double Limit(const JudgeSpace& space) const override { return SearchIn(space).closest.limit; }
   Hit Finish(const JudgeSpace& space) const override {
     const Search& search = SearchIn(space);
-    return search.closest.Finish(search.test);
+    return search.closest.Finish(search.test, corners_);
   }
   Hit Closest(const LocalRay& ray, const WideTree& tree, CancelPoll* poll) const override {
     const LeafTest test(ray);
@@ -42,15 +45,16 @@ class JudgeOf final : public Judge {
           return closest.limit;
         },
         [&] { return !poll->Spend(kNodeWork); });
-    return closest.Finish(test);
+    return closest.Finish(test, corners_);
   }
   std::uint64_t work() const override { return LeafTest::kWork; }
   bool Test(const LocalRay& ray, PrimitiveId id, LeafHit* hit) const override {
-    const auto [a, b, c] = corners_(id);
-    typename LeafTest::Hit found;
-    if (!LeafTest(ray).Test(a, b, c, &found)) return false;
-    *hit = {found.s, found.u, found.v};
-    return true;
+    if constexpr (std::is_same_v<typename LeafTest::Hit, LeafHit>) {
+      const auto [a, b, c] = corners_(id);
+      return LeafTest(ray).Test(a, b, c, hit);
+    } else {
+      return false;
+    }
   }
 
  private:

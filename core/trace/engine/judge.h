@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <limits>
 #include <memory>
+#include <optional>
 
 #include "core/base/cancel_poll.h"
 #include "core/geometry/hit.h"
@@ -28,6 +29,8 @@ class Judge {
  public:
   virtual ~Judge() = default;
 
+  /// The form of a ray that Begin and Closest take: of `exact`, MakeExactLocalRay's.
+  virtual std::optional<LocalRay> MakeRay(const Ray& ray, const MeshFrame& frame) const = 0;
   /// Starts on a ray.
   virtual void Begin(const LocalRay& ray, JudgeSpace* space) const = 0;
   /// Tests a triangle and keeps it when it is the closest so far. Returns whether it did.
@@ -43,7 +46,7 @@ class Judge {
   /// What one Offer() or Test() counts as (CancelPoll).
   virtual std::uint64_t work() const = 0;
 
-  /// The leaf test alone, on a ray whose search is somewhere else.
+  /// The leaf test alone, on a ray whose search is somewhere else. Not of `exact`.
   virtual bool Test(const LocalRay& ray, PrimitiveId id, LeafHit* hit) const = 0;
 };
 

@@ -220,7 +220,7 @@ TEST(TraceClosest, ExactAnswersAsRationalNumbersFromAnyDistance) {
         ASSERT_EQ(hit.primitive_id, want.primitive_id)
             << "2^" << k << ", " << Name(scene.tree->build);
         if (hit.IsHit()) {
-          ASSERT_TRUE(test::IsWithinOneUlp(hit.t, want.t));
+          ASSERT_EQ(hit.t, test::RoundedToNearest(want.t));
         }
       }
     }

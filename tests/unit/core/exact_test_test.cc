@@ -3,23 +3,26 @@
 #include <gmpxx.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <optional>
 #include <random>
 
+#include "core/geometry/double_double.h"
+#include "core/geometry/dyadic.h"
 #include "core/geometry/local_ray.h"
-#include "core/trace/double_double.h"
-#include "core/trace/dyadic.h"
+#include "tests/support/allocation_count.h"
 #include "tests/support/rationals.h"
 
 namespace kdray::core {
 namespace {
 
 using test::IsInInterval;
-using test::IsWithinOneUlp;
 using test::RationalHit;
+using test::RoundedToNearest;
 using test::TriangleCorners;
 
 TriangleCorners Local(const TriangleCorners& triangle, const MeshFrame& frame) {
@@ -42,8 +45,13 @@ struct Tally {
 /// Holds one ray and two triangles against the oracle.
 void Check(const Ray& ray, const std::array<TriangleCorners, 2>& triangles, const MeshFrame& frame,
            Tally* tally) {
-  const auto local_ray = MakeLocalRay(ray, frame);
-  ASSERT_TRUE(local_ray.has_value());
+  const auto local_ray = ExactTest::MakeRay(ray, frame);
+  if (!local_ray) {
+    for (const TriangleCorners& triangle : triangles) {
+      ASSERT_FALSE(RationalHit(ray, triangle)) << "case " << tally->cases;
+    }
+    return;
+  }
   const ExactTest test(*local_ray);
   std::array<std::optional<mpq_class>, 2> expected;
   std::array<ExactTest::Hit, 2> hits;
@@ -56,11 +64,17 @@ void Check(const Ray& ray, const std::array<TriangleCorners, 2>& triangles, cons
     ++tally->cases;
     if (!hit) continue;
     ++tally->hits;
-    ASSERT_TRUE(IsWithinOneUlp(test.CallerT(hits[id]), *expected[id]));
-    ASSERT_GE(hits[id].u, 0);
-    ASSERT_GE(hits[id].v, 0);
-    ASSERT_LE(hits[id].u + hits[id].v, 1 + 1e-12);
-    ASSERT_EQ(test.IsInInterval(hits[id], id, corners_of), IsInInterval(ray, *expected[id]));
+    const core::Hit answer = test.Finish(hits[id], id, corners_of);
+    ASSERT_EQ(answer.t, RoundedToNearest(*expected[id])) << "case " << tally->cases;
+    ASSERT_FALSE(answer.t == 0 && std::signbit(answer.t));
+    const test::RationalWeights weights = test::WeightsOf(ray, triangles[id]);
+    for (const auto& [got, want] : {std::pair{answer.u, weights.u}, {answer.v, weights.v}}) {
+      ASSERT_TRUE(got >= 0 && got <= 1 && !std::signbit(got)) << "case " << tally->cases;
+      ASSERT_LE(abs(mpq_class(got) - want), mpq_class(0x1p-53)) << "case " << tally->cases;
+    }
+    ASSERT_EQ(test.IsInInterval(hits[id], id, corners_of), IsInInterval(ray, *expected[id]))
+        << "case " << tally->cases << ", t " << answer.t << " in " << ray.t_min << ", "
+        << ray.t_max;
   }
   if (!expected[0] || !expected[1]) return;
   const int order = cmp(*expected[0], *expected[1]);
@@ -130,10 +144,81 @@ TEST(ExactTest, AgreesWithRationalsForOriginsFarAway) {
     Ray ray;
     ray.direction = Vec3d{Real(-1, 1), Real(-1, 1), Real(-1, 1)};
     ray.origin = triangles[0][static_cast<std::size_t>(Int(0, 2))] - ray.direction * distance;
-    if (!MakeLocalRay(ray, frame)) continue;
     Check(ray, triangles, frame, &tally);
   }
   EXPECT_GT(tally.hits, 200);
+}
+
+/// A point in the frame, times the frame's scale: a multiple of `unit`, up to `size` from `middle`.
+Vec3d Multiple(const Vec3d& middle, double size, double unit) {
+  const auto coordinate = [&](double m) { return m + std::round(Real(-size, size) / unit) * unit; };
+  return {coordinate(middle.x), coordinate(middle.y), coordinate(middle.z)};
+}
+
+Vec3d Between(const Vec3d& a, const Vec3d& b, double weight_of_a) {
+  return a * weight_of_a + b * (1 - weight_of_a);
+}
+
+// Triangles from the mesh's size down to 2^-400 of it, meshes from 2^-600 to 2^120, origins from on
+// the triangle to 2^1000 mesh sizes away, directions from 2^-1000 to 2^1000: t over- and
+// underflows, and everything but the numbers as given is lost in rounding.
+TEST(ExactTest, AgreesWithRationalsAtAnyScaleOfMeshTriangleDistanceAndDirection) {
+  Tally tally;
+  for (int i = 0; i < 12'000 && !testing::Test::HasFatalFailure(); ++i) {
+    constexpr std::array kMeshes = {-600, -100, 0, 0, 60, 120};
+    const MeshFrame frame{{0, 0, 0}, kMeshes[static_cast<std::size_t>(Int(0, 5))]};
+    const double mesh = std::ldexp(1, frame.exponent);
+    const int small = Int(0, 3) == 0 ? Int(0, 400) : Int(0, 24);
+    const double size = std::ldexp(mesh, -small);
+    // Few bits make exact meetings, many make near ones.
+    const double unit = std::ldexp(size, Int(0, 1) == 0 ? -2 : -20);
+    // Tiny triangles lie at the middle of the frame, where doubles are fine enough for them.
+    const Vec3d place =
+        small > 30 ? Vec3d{} : Multiple({}, mesh / 2, std::max(unit, mesh * 0x1p-20));
+    const auto point = [&] { return Multiple(place, size / 2, unit); };
+    const Vec3d a = point(), b = point();
+    const std::array<TriangleCorners, 2> triangles{TriangleCorners{a, b, point()}, {b, a, point()}};
+    constexpr std::array kWeights = {0.0, 0.5, 1.0, 0.25};
+    const double w = kWeights[static_cast<std::size_t>(Int(0, 3))];
+    const Vec3d target =
+        Between(triangles[0][2], Between(a, b, w), kWeights[static_cast<std::size_t>(Int(0, 2))]);
+    Ray ray;
+    ray.direction = {double(Int(-9, 9)), double(Int(-9, 9)), double(Int(-9, 9))};
+    if (Int(0, 2) == 0) ray.direction = {0, 0, Int(0, 1) ? 1.0 : -1.0};
+    if (Int(0, 5) == 0) ray.direction = {Real(-1, 1), Real(-1, 1), Real(-1, 1)};
+    constexpr std::array kDistances = {-1000, -20, 0, 1, 3, 20, 45, 47, 53, 60, 200, 900};
+    const int away = kDistances[static_cast<std::size_t>(Int(0, 11))];
+    const double distance = away == -1000 ? 0 : std::ldexp(Int(0, 4) ? size : mesh, away);
+    ray.origin = target - ray.direction * distance;
+    const int longer = Int(0, 2) == 0 ? Int(-900, 900) : 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      ray.direction[axis] = std::ldexp(ray.direction[axis], longer);
+    }
+    ray.t_min = -std::numeric_limits<double>::infinity();
+    if (!IsValid(ray)) continue;
+    // Ends at the t that is answered, and next to it.
+    if (const auto t = RationalHit(ray, triangles[0])) {
+      const double end = RoundedToNearest(*t);
+      switch (Int(0, 4)) {
+        case 0:
+          ray.t_max = end;
+          break;
+        case 1:
+          ray.t_min = end;
+          break;
+        case 2:
+          ray.t_max = std::nextafter(end, -1e300);
+          break;
+        case 3:
+          ray.t_min = std::min(std::nextafter(end, 1e300), ray.t_max);
+          break;
+        default:
+          break;
+      }
+    }
+    Check(ray, triangles, frame, &tally);
+  }
+  EXPECT_GT(tally.hits, 3'000);
 }
 
 // So far away that the mesh is smaller than the rounding of the way to it: only the numbers as
@@ -155,14 +240,49 @@ TEST(ExactTest, AgreesWithRationalsForOriginsFartherThanTheDigitsOfDouble) {
       ray.origin[axis] = Int(-7, 7) / 8.0;
     }
     if (!IsValid(ray)) continue;
-    if (!MakeLocalRay(ray, frame)) {
-      for (const TriangleCorners& triangle : triangles)
-        ASSERT_FALSE(RationalHit(ray, triangle)) << "case " << i;
-      continue;
-    }
     Check(ray, triangles, frame, &tally);
   }
   EXPECT_GT(tally.hits, 500);
+}
+
+std::size_t& GmpAllocations() {
+  static std::size_t count = 0;
+  return count;
+}
+
+TEST(ExactTest, AllocatesNothingHoweverDegenerateRaysAre) {
+  const MeshFrame frame{{0, 0, 0}, 3};
+  const auto point = [] { return Vec3d{Int(-3, 3) / 3.0, Int(-3, 3) / 3.0, Int(-3, 3) / 3.0}; };
+  mp_set_memory_functions(
+      [](std::size_t size) {
+        ++GmpAllocations();
+        return std::malloc(size);
+      },
+      nullptr, nullptr);
+  const test::AllocationPeak peak;
+  int hits = 0, ties = 0;
+  for (int i = 0; i < 5'000; ++i) {
+    const Vec3d a = point(), b = point(), c = point(), d = point();
+    Ray ray;
+    ray.origin = Int(0, 1) ? point() : a - point() * 0x1p50;
+    ray.direction = a - ray.origin;
+    if (!IsValid(ray)) continue;
+    const auto local = ExactTest::MakeRay(ray, frame);
+    if (!local) continue;
+    const ExactTest test(*local);
+    const auto corners = [&](PrimitiveId id) {
+      return id == 0 ? ExactTest::Corners{a, b, c} : ExactTest::Corners{d, c, b};
+    };
+    ExactTest::Hit first, second;
+    if (!test.Test(a, b, c, &first)) continue;
+    hits += test.Finish(first, 0, corners).IsHit() ? 1 : 0;
+    if (test.Test(d, c, b, &second)) ties += test.IsCloser(first, 0, second, 1, corners) ? 1 : 0;
+  }
+  mp_set_memory_functions(nullptr, nullptr, nullptr);
+  EXPECT_GT(hits, 500);
+  EXPECT_GT(ties, 20);
+  EXPECT_EQ(GmpAllocations(), 0u);
+  EXPECT_EQ(peak.bytes(), 0u);
 }
 
 TEST(DoubleDouble, OperationsKeepTheirErrorBounds) {
@@ -193,6 +313,31 @@ TEST(Dyadic, QuotientsAreRoundedToNearest) {
   }
   EXPECT_EQ(Dyadic::Quotient(Dyadic(0.0), Dyadic(3.0)), 0);
   EXPECT_EQ(Dyadic::Quotient(Dyadic(1.0), Dyadic(-3.0)), -1.0 / 3);
+}
+
+TEST(Dyadic, QuotientsAgreeWithRationalsDownToTheSmallestDouble) {
+  for (int i = 0; i < 5'000; ++i) {
+    const auto number = [](int range) { return std::ldexp(Real(-1, 1), Int(-range, range)); };
+    const double a = number(400), b = number(400), c = number(400), d = number(200);
+    const Dyadic numerator = Dyadic(a) * Dyadic(b) + Dyadic(c) * Dyadic(d);
+    const mpq_class exact = (mpq_class(a) * mpq_class(b) + mpq_class(c) * mpq_class(d));
+    for (const double divisor : {1.0, 3.0, d, a}) {
+      if (divisor == 0) continue;
+      const double got = Dyadic::Quotient(numerator, Dyadic(divisor));
+      const double want = RoundedToNearest(exact / mpq_class(divisor));
+      ASSERT_EQ(std::clamp(got, -1.7976931348623157e308, 1.7976931348623157e308), want);
+    }
+    const double sum = (numerator - Dyadic(a) * Dyadic(b)).ToDouble();
+    ASSERT_EQ(sum, RoundedToNearest(mpq_class(c) * mpq_class(d)));
+    const double coarse =
+        Dyadic::Quotient(Dyadic(Real(-1, 1)), Dyadic(Real(0.1, 1)), -8).ToDouble();
+    ASSERT_EQ(coarse, std::trunc(coarse * 256) / 256);
+  }
+  EXPECT_EQ(Dyadic::Quotient(Dyadic(0x1p-1074), Dyadic(2.0)), 0);
+  EXPECT_EQ(Dyadic::Quotient(Dyadic(0x3p-1074), Dyadic(2.0)), 0x1p-1073);
+  EXPECT_EQ(Dyadic::Quotient(Dyadic(0x1p-1074), Dyadic(1.9)), 0x1p-1074);
+  EXPECT_EQ(Dyadic::Quotient(Dyadic(7.0), Dyadic(2.0), -1).ToDouble(), 3.5);
+  EXPECT_EQ(Dyadic::Quotient(Dyadic(-7.0), Dyadic(2.0), 0).ToDouble(), -3);
 }
 
 TEST(Dyadic, SumsAndProductsNeitherRoundNorUnderflow) {

@@ -1,0 +1,66 @@
+// Numbers m * 2^e with integers of any size that arises here: sums and products of doubles without
+// rounding, underflow or overflow. The last resort of the precision `exact`, for signs and orders
+// that neither a filter in double nor double-double arithmetic settles. GMP's functions on arrays
+// do the work, in fixed arrays, so nothing is allocated.
+#pragma once
+
+#include <gmp.h>
+
+namespace kdray::core {
+
+/// Results must fit kLimbs. With coordinates of a mesh in its frame (at most 1, multiples of
+/// 2^-1074), and an origin and a direction of doubles that are scaled into that frame, an origin
+/// takes 50 limbs, a direction 33, a triangle's normal 34, and the largest product, which compares
+/// two hits, 151.
+class Dyadic {
+ public:
+  Dyadic() = default;             ///< 0
+  explicit Dyadic(double value);  ///< exact; value must be finite
+  Dyadic(const Dyadic& other) { CopyFrom(other); }
+  Dyadic& operator=(const Dyadic& other) {
+    if (this != &other) CopyFrom(other);
+    return *this;
+  }
+
+  friend Dyadic operator+(const Dyadic& a, const Dyadic& b) { return Sum(a, b, b.sign_); }
+  friend Dyadic operator-(const Dyadic& a, const Dyadic& b) { return Sum(a, b, -b.sign_); }
+  friend Dyadic operator*(const Dyadic& a, const Dyadic& b);
+
+  /// This times 2^exponent, exactly.
+  Dyadic TimesPowerOfTwo(int exponent) const {
+    Dyadic product(*this);
+    product.exponent_ += exponent;
+    return product;
+  }
+  int Sign() const { return sign_; }
+  /// Rounded to nearest, ties to even; infinite beyond the range of double.
+  double ToDouble() const { return Quotient(*this, Dyadic(1.0)); }
+  /// The largest n with 2^n <= |*this|, which is not 0.
+  long Exponent() const;
+
+  /// numerator / denominator (not 0), rounded to nearest, ties to even; infinite beyond the range
+  /// of double.
+  static double Quotient(const Dyadic& numerator, const Dyadic& denominator);
+  /// The same to a multiple of 2^exponent, rounded towards 0.
+  static Dyadic Quotient(const Dyadic& numerator, const Dyadic& denominator, int exponent);
+
+ private:
+  static constexpr int kLimbs = 192;
+  static constexpr int kLimbBits = 64;
+  static_assert(GMP_LIMB_BITS == kLimbBits);
+
+  static Dyadic Sum(const Dyadic& a, const Dyadic& b, int sign_of_b);
+  void CopyFrom(const Dyadic& other);
+  /// |value| * 2^bits; bits >= 0.
+  void SetShifted(const Dyadic& value, long bits);
+  void DropZeros();
+  long Bits() const;  // of the mantissa
+
+  // Not initialised beyond size_, which is 0 exactly when sign_ is.
+  mp_limb_t limbs_[kLimbs];
+  int size_ = 0;
+  int sign_ = 0;
+  long exponent_ = 0;
+};
+
+}  // namespace kdray::core
