@@ -64,6 +64,11 @@ std::string DescribeVertices(const core::MeshFacts& mesh) {
         "The file calls its coordinates floats, but writes numbers with more digits than floats "
         "have; they are read as doubles. ";
   }
+  if (mesh.rounded_vertices) {
+    // Half of 2^-1074 local units, of which double may hold only 0: an exponent says it.
+    text += "Some coordinates are so small beside the largest that they are rounded, by up to 2^" +
+            std::to_string(mesh.frame.exponent - 1075) + ": exact answers for the rounded ones. ";
+  }
   return text;
 }
 

@@ -85,6 +85,18 @@ MeshFrame ChooseFrame(const Bounds3d& bounds) {
   return frame;
 }
 
+/// Whether the frame keeps a vertex as it is. Only scaling down can round, and only to below
+/// 2^-1022.
+bool IsExactIn(const MeshFrame& frame, const Vec3d& p) {
+  if (frame.exponent <= 0) return true;
+  const Vec3d local = frame.ToLocal(p);
+  for (int axis = 0; axis < 3; ++axis) {
+    if (ScaleByPowerOfTwo(local[axis], frame.exponent) != p[axis] - frame.origin[axis])
+      return false;
+  }
+  return true;
+}
+
 bool IsFloat(const Vec3d& p) { return Vec3d(Vec3f(p)) == p; }
 
 template <class T>
@@ -166,8 +178,10 @@ Result<TriangleMesh> TriangleMesh::Create(const MeshData& data) {
   mesh.frame_ = ChooseFrame(mesh.bounds_);
 
   bool all_floats = true;
-  ForEachUsed(data, used,
-              [&](const Vec3d& p) { all_floats = all_floats && IsFloat(mesh.frame_.ToLocal(p)); });
+  ForEachUsed(data, used, [&](const Vec3d& p) {
+    all_floats = all_floats && IsFloat(mesh.frame_.ToLocal(p));
+    mesh.has_rounded_vertices_ = mesh.has_rounded_vertices_ || !IsExactIn(mesh.frame_, p);
+  });
   if (all_floats) {
     mesh.vertices_ = LocalVertices<float>(data, used, mesh.frame_);
   } else {

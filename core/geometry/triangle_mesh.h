@@ -89,6 +89,9 @@ class TriangleMesh {
 
   /// Local vertices are 12-byte floats when that is exact for all of them, else 24-byte doubles.
   bool has_double_vertices() const { return vertices_.index() == 1; }
+  /// Whether the limit of MeshFrame moved a coordinate; of a mesh from FromParts unknown, and
+  /// false.
+  bool has_rounded_vertices() const { return has_rounded_vertices_; }
   std::span<const TriangleIndices> triangles() const { return triangles_; }
   /// Local vertices; T must be the stored type. Visit() picks it.
   template <class T>
@@ -139,6 +142,7 @@ class TriangleMesh {
   std::vector<bool> degenerate_;
   std::size_t degenerate_count_ = 0;
   double shortest_edge_ = 0;
+  bool has_rounded_vertices_ = false;
 };
 
 struct TriangleMesh::Parts {

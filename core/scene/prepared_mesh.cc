@@ -25,6 +25,7 @@ Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelT
   facts.double_vertices = mesh->has_double_vertices();
   facts.wider_than_declared = data->wider_than_declared;
   facts.frame = mesh->frame();
+  facts.rounded_vertices = mesh->has_rounded_vertices();
   facts.shortest_edge = mesh->shortest_edge();
   facts.memory_bytes = mesh->bytes();
   facts.parse_ms =

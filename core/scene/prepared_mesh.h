@@ -26,6 +26,7 @@ struct MeshFacts {
   MeshHealth health;
   bool double_vertices = false;      ///< local vertices are kept in double
   bool wider_than_declared = false;  ///< MeshData::wider_than_declared
+  bool rounded_vertices = false;     ///< TriangleMesh::has_rounded_vertices
   MeshFrame frame;
   double shortest_edge = 0;        ///< TriangleMesh::shortest_edge, local units
   std::uint64_t memory_bytes = 0;  ///< of the mesh in memory

@@ -25,7 +25,9 @@ void PutMeshFacts(const MeshFacts& facts, CheckedWriter* writer) {
   writer->Put(facts.health.non_manifold_edges);
   PutBool(facts.health.closed, writer);
   writer->Put(facts.health.coordinate_resolution);
-  PutBool(facts.double_vertices, writer);
+  // A second bit in the byte of the first, so that files without it can still be read.
+  writer->Put(static_cast<std::uint8_t>((facts.double_vertices ? 1 : 0) +
+                                        (facts.rounded_vertices ? 2 : 0)));
   PutBool(facts.wider_than_declared, writer);
   writer->Put(facts.frame.origin);
   writer->Put(std::int32_t{facts.frame.exponent});
@@ -49,7 +51,9 @@ MeshFacts GetMeshFacts(CheckedReader* reader) {
   facts.health.non_manifold_edges = reader->Get<std::uint64_t>();
   facts.health.closed = GetBool(reader);
   facts.health.coordinate_resolution = reader->Get<double>();
-  facts.double_vertices = GetBool(reader);
+  const auto vertices = reader->GetBelow(std::uint8_t{4});
+  facts.double_vertices = (vertices & 1u) != 0;
+  facts.rounded_vertices = (vertices & 2u) != 0;
   facts.wider_than_declared = GetBool(reader);
   facts.frame.origin = reader->Get<Vec3d>();
   facts.frame.exponent = reader->Get<std::int32_t>();

@@ -37,6 +37,7 @@ TreeRecord ReadyRecord(std::string_view mesh) {
   facts.frame = {{100, 0, -5}, -3};
   facts.double_vertices = true;
   facts.wider_than_declared = true;
+  facts.rounded_vertices = true;
   facts.shortest_edge = 0.125;
   facts.parse_ms = 1.5;
   record.mesh = facts;

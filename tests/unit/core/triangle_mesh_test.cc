@@ -244,6 +244,23 @@ TEST(TriangleMesh, IsTheSameFromItsParts) {
   EXPECT_EQ(copy.LocalCorner(3, 2), mesh.LocalCorner(3, 2));
 }
 
+TEST(TriangleMesh, SaysWhenItsFrameRoundsACoordinate) {
+  MeshData data;
+  data.vertices = {{0, 0, 2e-300}, {1, 0, 2e-300}, {0, 1, 2e-300}};
+  data.triangles = {{0, 1, 2}};
+  EXPECT_FALSE(TriangleMesh::Create(data)->has_rounded_vertices());
+  // A vertex that no triangle uses changes nothing.
+  for (const Vec3d& p : {Vec3d{1e38, 5, 5}, {1e38, 6, 5}, {1e38, 5, 6}}) data.vertices.push_back(p);
+  EXPECT_FALSE(TriangleMesh::Create(data)->has_rounded_vertices());
+  data.triangles.push_back({3, 4, 5});
+  EXPECT_TRUE(TriangleMesh::Create(data)->has_rounded_vertices());
+  // What is left is kept exactly where it is a multiple of 2^-1074 of the frame.
+  for (std::size_t i = 0; i < 3; ++i) data.vertices[i].z = std::ldexp(3, 127 - 1074);
+  EXPECT_FALSE(TriangleMesh::Create(data)->has_rounded_vertices());
+  for (std::size_t i = 0; i < 3; ++i) data.vertices[i].z = std::ldexp(3, 126 - 1074);
+  EXPECT_TRUE(TriangleMesh::Create(data)->has_rounded_vertices());
+}
+
 TEST(MeshFrame, MovesPointsThatAreNoVerticesWithinRounding) {
   const MeshFrame frame{{1000, 0, -4}, 3};
   EXPECT_EQ(frame.ToLocal({1008, 4, -4}), (Vec3d{1, 0.5, 0}));

@@ -205,6 +205,12 @@ TEST(Plan, SaysStructureVerticesPrecisionAndWhatIsNotPromised) {
       HasSubstr("The file calls its coordinates floats, but writes numbers with more digits "
                 "than floats have; they are read as doubles."));
   record.mesh->wider_than_declared = false;
+  EXPECT_THAT(plan, Not(HasSubstr("small beside the largest")));
+  record.mesh->rounded_vertices = true;
+  EXPECT_THAT(DescribePlan(record),
+              HasSubstr("small beside the largest that they are rounded, by up to 2^-1074"));
+  record.mesh->rounded_vertices = false;
+
   record.mesh->double_vertices = false;
   record.mesh->shortest_edge = 1e-9;
   EXPECT_THAT(DescribePlan(record), HasSubstr("auto means double: the shortest edges"));
