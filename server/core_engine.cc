@@ -225,9 +225,10 @@ class RealEngine final : public CoreEngine {
             return {};
           }
           const auto encode_start = SteadyClock::now();
-          const core::Picture picture = core::MakePicture(*image);
-          core::Result<std::vector<std::byte>> bytes =
-              core::EncodePng(picture.pixels, picture.width, picture.height, picture.channels);
+          const core::Result<core::Picture> picture = core::MakePicture(*image, cancel);
+          if (!picture.ok()) return picture.error();
+          core::Result<std::vector<std::byte>> bytes = core::EncodePng(
+              picture->pixels, picture->width, picture->height, picture->channels, cancel);
           if (!bytes.ok()) return std::move(bytes).error();
           answer->image = *std::move(bytes);
           answer->encode_ms = MillisecondsSince(encode_start);
@@ -244,7 +245,7 @@ class RealEngine final : public CoreEngine {
                                              const CancelToken& cancel) override {
     const auto scene = Load(id, cancel);
     if (!scene.ok()) return scene.problem();
-    const auto cells = scene->Cells(depth, static_cast<std::size_t>(limits_.max_cells));
+    const auto cells = scene->Cells(depth, static_cast<std::size_t>(limits_.max_cells), cancel);
     if (!cells.ok() && cells.error().code == core::ErrorCode::kInvalidArgument) {
       return TooManyCells("depth", depth, limits_.max_cells);
     }

@@ -25,13 +25,13 @@ libdeflate-dev
 libgmp-dev
 libspdlog-dev
 libssl-dev
-libstb-dev
 libtbb-dev
 ninja-build
 nlohmann-json3-dev
 pkg-config
 python3
 python3-yaml
+zlib1g-dev
 END
     test) cat <<'END' ;;
 chromium
@@ -54,6 +54,7 @@ END
 libdeflate0
 libgmp10
 libtbb12
+zlib1g
 END
       ;;
     bench) cat <<'END' ;;

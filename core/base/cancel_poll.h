@@ -2,6 +2,8 @@
 // soon after its cancellation.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <utility>
 
@@ -47,5 +49,18 @@ class CancelPoll {
   std::uint64_t left_ = 0;
   bool stopped_ = false;
 };
+
+/// f(i) for each i in [0, count), each counted as `work`, which is small: the poll is asked once in
+/// 1024. False when it has stopped; then some were left out.
+template <class F>
+bool PolledLoop(std::size_t count, std::uint64_t work, CancelPoll* poll, const F& f) {
+  constexpr std::size_t kPiece = 1024;
+  for (std::size_t first = 0; first < count; first += kPiece) {
+    const std::size_t last = std::min(count, first + kPiece);
+    if (poll->Spend((last - first) * work)) return false;
+    for (std::size_t i = first; i < last; ++i) f(i);
+  }
+  return true;
+}
 
 }  // namespace kdray::core

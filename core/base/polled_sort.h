@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -13,44 +14,55 @@
 
 namespace kdray::core {
 
+// A comparison, or a step over one value, counts as `work` (CancelPoll). All return false when the
+// poll has stopped; the values are then in any order, and some may be moved from.
+
 /// Brings the first `keep` of the values by `less` to the front, in order; the others are anything
-/// afterwards. Equal values keep their order. O(n log keep) comparisons, each counted as `work`
-/// (CancelPoll). False when the poll has stopped; the values are then anything.
+/// afterwards. O(n log n) comparisons, and a second list of the size of the first.
 template <class T, class Less>
 bool PolledPartialSort(std::span<T> values, std::size_t keep, std::uint64_t work, CancelPoll* poll,
                        const Less& less);
 
-/// std::stable_sort with a poll.
+/// std::sort with a poll. The order of equal values depends on the values alone.
 template <class T, class Less = std::less<>>
 bool PolledSort(std::span<T> values, std::uint64_t work, CancelPoll* poll, const Less& less = {}) {
   return PolledPartialSort(values, values.size(), work, poll, less);
 }
+
+/// std::partition with a poll: *first_false is where the values begin for which `is_first` is
+/// false.
+template <class T, class IsFirst>
+bool PolledPartition(std::span<T> values, std::uint64_t work, CancelPoll* poll,
+                     const IsFirst& is_first, std::size_t* first_false);
+
+/// std::nth_element with a poll; n < values.size().
+template <class T, class Less = std::less<>>
+bool PolledNthElement(std::span<T> values, std::size_t n, std::uint64_t work, CancelPoll* poll,
+                      const Less& less = {});
 
 // ---- Implementation ----
 
 template <class T, class Less>
 bool PolledPartialSort(std::span<T> values, std::size_t keep, std::uint64_t work, CancelPoll* poll,
                        const Less& less) {
-  // Bottom-up merge sort: short runs by insertion, then merged in pairs. Of a run no more than
-  // `keep` values matter, so that is all that a merge makes of it.
-  constexpr std::size_t kRun = 16;
+  // Pieces that take no longer than a look at the token may be apart; then a merge sort from the
+  // bottom up. Of a run no more than `keep` values matter, so that is all that a merge makes of it.
+  const auto piece = static_cast<std::size_t>(
+      std::bit_floor(std::clamp<std::uint64_t>((1 << 16) / work, 16, 1 << 14)));
   const std::size_t size = values.size();
   keep = std::min(keep, size);
-  for (std::size_t first = 0; first < size; first += kRun) {
-    const std::size_t last = std::min(first + kRun, size);
-    if (poll->Spend((last - first) * work * 4)) return false;
-    for (std::size_t i = first + 1; i < last; ++i) {
-      T value = std::move(values[i]);
-      std::size_t at = i;
-      for (; at > first && less(value, values[at - 1]); --at) values[at] = std::move(values[at - 1]);
-      values[at] = std::move(value);
+  for (std::size_t first = 0; first < size; first += piece) {
+    const std::span<T> some = values.subspan(first, std::min(piece, size - first));
+    if (poll->Spend(some.size() * work * static_cast<std::uint64_t>(std::bit_width(some.size())))) {
+      return false;
     }
+    std::sort(some.begin(), some.end(), less);
   }
-  if (size <= kRun) return true;
+  if (size <= piece) return true;
 
   std::vector<T> scratch(size);
   std::span<T> from = values, to = scratch;
-  for (std::size_t run = kRun; run < size; run *= 2) {
+  for (std::size_t run = piece; run < size; run *= 2) {
     for (std::size_t first = 0; first < size; first += 2 * run) {
       const std::size_t middle = std::min(first + run, size);
       const std::size_t end = std::min(first + 2 * run, size);
@@ -65,7 +77,64 @@ bool PolledPartialSort(std::span<T> values, std::size_t keep, std::uint64_t work
     }
     std::swap(from, to);
   }
-  if (from.data() != values.data()) std::move(from.begin(), from.end(), values.begin());
+  if (from.data() == values.data()) return true;
+  return PolledLoop(keep, work, poll, [&](std::size_t i) { values[i] = std::move(from[i]); });
+}
+
+template <class T, class IsFirst>
+bool PolledPartition(std::span<T> values, std::uint64_t work, CancelPoll* poll,
+                     const IsFirst& is_first, std::size_t* first_false) {
+  std::size_t first = 0, last = values.size();
+  for (;;) {
+    for (; first < last && is_first(values[first]); ++first) {
+      if (poll->Spend(work)) return false;
+    }
+    for (; first < last && !is_first(values[last - 1]); --last) {
+      if (poll->Spend(work)) return false;
+    }
+    if (first == last) break;
+    std::swap(values[first++], values[--last]);
+  }
+  *first_false = first;
+  return true;
+}
+
+template <class T, class Less>
+bool PolledNthElement(std::span<T> values, std::size_t n, std::uint64_t work, CancelPoll* poll,
+                      const Less& less) {
+  // Quickselect, down to what takes no time. The pivot is the middle of values from all over the
+  // list; should an input defeat that, sorting ends it.
+  constexpr std::size_t kSmall = std::size_t{1} << 15;
+  constexpr std::size_t kSample = 255;
+  for (int round = 0; values.size() > kSmall; ++round) {
+    if (round == 64) return PolledSort(values, work, poll, less);
+    std::vector<T> sample;
+    for (std::size_t i = 0; i < kSample; ++i) {
+      sample.push_back(values[i * (values.size() / kSample)]);
+    }
+    std::nth_element(sample.begin(), sample.begin() + kSample / 2, sample.end(), less);
+    const T pivot = sample[kSample / 2];
+    std::size_t below = 0, not_above = 0;  // values less than the pivot; and those equal to it too
+    if (!PolledPartition(
+            values, work, poll, [&](const T& value) { return less(value, pivot); }, &below)) {
+      return false;
+    }
+    if (n < below) {
+      values = values.first(below);
+      continue;
+    }
+    if (!PolledPartition(
+            values.subspan(below), work, poll, [&](const T& value) { return !less(pivot, value); },
+            &not_above)) {
+      return false;
+    }
+    if (n < below + not_above) return true;
+    values = values.subspan(below + not_above);
+    n -= below + not_above;
+  }
+  if (poll->Spend(values.size() * work)) return false;
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(n), values.end(),
+                   less);
   return true;
 }
 

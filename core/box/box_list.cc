@@ -4,7 +4,8 @@
 
 namespace kdray::core {
 
-Result<std::vector<TreeCell>> BoxList::Cells(std::uint32_t /*depth*/, std::size_t limit) const {
+Result<std::vector<TreeCell>> BoxList::Cells(std::uint32_t /*depth*/, std::size_t limit,
+                                             const CancelToken& /*cancel*/) const {
   std::vector<TreeCell> cells;
   if (bounds.IsEmpty()) return cells;
   if (limit == 0) return Error{ErrorCode::kInvalidArgument, "more than 0 cells"};

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "core/base/cancel.h"
 #include "core/geometry/bounds3.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/local_ray.h"
@@ -30,9 +31,10 @@ struct BoxList {
     visit(std::span<const PrimitiveId>(primitives));
   }
 
-  Result<std::vector<TreeCell>> Cells(std::uint32_t depth,
-                                      std::size_t limit) const;  ///< as KdTree::Cells
-  Status Validate(std::size_t triangle_count) const;             ///< as KdTree::Validate
+  /// As KdTree::Cells.
+  Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit,
+                                      const CancelToken& cancel = {}) const;
+  Status Validate(std::size_t triangle_count) const;  ///< as KdTree::Validate
 };
 
 }  // namespace kdray::core

@@ -9,20 +9,20 @@ Result<BoxList> BuildBoxList(const TriangleMesh& mesh, const BuildOptions& optio
   BoxList box;
   box.primitives.reserve(mesh.triangle_count() - mesh.degenerate_count());
   Bounds3d bounds = Bounds3d::Empty();
-  for (std::size_t i = 0; i < mesh.triangle_count(); ++i) {
+  CancelPoll poll = monitor.MakePoll();
+  PolledLoop(mesh.triangle_count(), 32, &poll, [&](std::size_t i) {
     const PrimitiveId id = static_cast<PrimitiveId>(i);
-    if (mesh.IsDegenerate(id)) continue;
+    if (mesh.IsDegenerate(id)) return;
     box.primitives.push_back(id);
     for (int corner = 0; corner < 3; ++corner) bounds.Extend(mesh.LocalCorner(id, corner));
-  }
+  });
   if (!bounds.IsEmpty()) box.bounds = RoundOutward(bounds);
-  monitor.ShouldStop();
   const Status status = monitor.Finish();
   if (!status.ok()) return status.error();
   return box;
 }
 
-TreeStats ComputeStats(const BoxList& box, const SahCost& cost) {
+TreeStats ComputeStats(const BoxList& box, const SahCost& cost, const CancelToken&) {
   TreeStats stats;
   stats.nodes = 1;
   stats.bytes = box.bytes();

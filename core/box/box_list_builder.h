@@ -15,6 +15,6 @@ namespace kdray::core {
 Result<BoxList> BuildBoxList(const TriangleMesh& mesh, const BuildOptions& options);
 
 /// One leaf, whose cost is that of all its triangles.
-TreeStats ComputeStats(const BoxList& box, const SahCost& cost);
+TreeStats ComputeStats(const BoxList& box, const SahCost& cost, const CancelToken& cancel = {});
 
 }  // namespace kdray::core

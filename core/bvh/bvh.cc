@@ -2,6 +2,8 @@
 
 #include <string>
 
+#include "core/base/cancel_poll.h"
+
 namespace kdray::core {
 
 namespace {
@@ -54,7 +56,8 @@ Status Bvh::Validate(std::size_t triangle_count) const {
   return Error{ErrorCode::kCorrupt, "the bvh ends within a node's children"};
 }
 
-Result<std::vector<TreeCell>> Bvh::Cells(std::uint32_t depth, std::size_t limit) const {
+Result<std::vector<TreeCell>> Bvh::Cells(std::uint32_t depth, std::size_t limit,
+                                         const CancelToken& cancel) const {
   struct Entry {
     std::uint32_t node;
     std::uint32_t depth;
@@ -63,8 +66,10 @@ Result<std::vector<TreeCell>> Bvh::Cells(std::uint32_t depth, std::size_t limit)
   if (nodes.empty()) return cells;
 
   // The leaves below a node are one range of nodes, as the layout is depth first.
+  CancelPoll poll(cancel);
   std::vector<Entry> pending = {{0, 0}};
   while (!pending.empty()) {
+    if (poll.Spend(16)) return poll.ToError();
     const Entry entry = pending.back();
     pending.pop_back();
     const BvhNode& node = nodes[entry.node];
@@ -79,10 +84,12 @@ Result<std::vector<TreeCell>> Bvh::Cells(std::uint32_t depth, std::size_t limit)
     }
     const std::size_t end = pending.empty() ? nodes.size() : pending.back().node;
     std::uint64_t triangles = 0;
-    for (std::size_t i = entry.node; i < end; ++i) triangles += nodes[i].primitive_count;
+    PolledLoop(end - entry.node, 2, &poll,
+               [&](std::size_t i) { triangles += nodes[entry.node + i].primitive_count; });
     cells.push_back({Bounds3d{Vec3d(node.bounds.min), Vec3d(node.bounds.max)}, entry.depth,
                      node.IsLeaf(), triangles});
   }
+  if (poll.stopped()) return poll.ToError();
   return cells;
 }
 

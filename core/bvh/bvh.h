@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/cancel.h"
 #include "core/geometry/bounds3.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/local_ray.h"
@@ -44,9 +45,10 @@ struct Bvh {
   template <class Visit, class OnNode>
   void Traverse(const LocalRay& ray, double pad, const Visit& visit, const OnNode& on_node) const;
 
-  Result<std::vector<TreeCell>> Cells(std::uint32_t depth,
-                                      std::size_t limit) const;  ///< as KdTree::Cells
-  Status Validate(std::size_t triangle_count) const;             ///< as KdTree::Validate
+  /// As KdTree::Cells.
+  Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit,
+                                      const CancelToken& cancel = {}) const;
+  Status Validate(std::size_t triangle_count) const;  ///< as KdTree::Validate
 };
 
 template <class Visit, class OnNode>

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/base/parallel.h"
+#include "core/base/polled_sort.h"
 #include "core/tree/build_monitor.h"
 #include "core/tree/reference.h"
 
@@ -20,6 +21,8 @@ namespace {
 constexpr std::size_t kBins = 16;
 constexpr std::size_t kTopReferences = 16384;  // larger nodes are built in parallel
 constexpr std::size_t kPollReferences = 4096;  // smaller ones do not ask about cancellation
+// What a step of one thread's loop over references counts as (CancelPoll).
+constexpr std::uint64_t kStepWork = 16;
 // From here on nodes are halved by number; with 2^30 triangles that takes 30 levels more.
 constexpr int kHalvingDepth = 32;
 static_assert(kHalvingDepth + 31 <= Bvh::kMaxDepth);
@@ -91,19 +94,23 @@ struct UpperNode {
 class BvhBuilder {
  public:
   BvhBuilder(const TriangleMesh& mesh, const SahCost& cost, const BuildOptions& options)
-      : cost_(cost), monitor_(options), references_(MakeReferences(mesh)) {}
+      : cost_(cost), monitor_(options), references_(MakeReferences(mesh, &monitor_)) {}
 
   Result<Bvh> Build() {
     UpperNode root;
     if (!references_.empty()) BuildTop(references_, 0, &root);
-    const Status status = monitor_.Finish();
-    if (!status.ok()) return status.error();
 
     Bvh bvh;
-    bvh.nodes.reserve(CountNodes(root));
-    Assemble(&root, &bvh.nodes);
-    bvh.primitives.reserve(references_.size());
-    for (const Reference& reference : references_) bvh.primitives.push_back(reference.id);
+    if (!monitor_.ShouldStop()) {
+      bvh.nodes.reserve(CountNodes(root));
+      Assemble(&root, &bvh.nodes);
+      bvh.primitives.reserve(references_.size());
+      CancelPoll poll = monitor_.MakePoll();
+      PolledLoop(references_.size(), kStepWork, &poll,
+                 [&](std::size_t i) { bvh.primitives.push_back(references_.data()[i].id); });
+    }
+    const Status status = monitor_.Finish();
+    if (!status.ok()) return status.error();
     return bvh;
   }
 
@@ -142,7 +149,7 @@ class BvhBuilder {
   // Orders the references so that the first child's come first, and says how many these are; 0 for
   // a leaf.
   std::size_t SplitNode(std::span<Reference> references, int depth, Bounds3f* bounds) {
-    const Bounding bounding = ReduceReferences<Bounding>(references, [](auto chunk) {
+    const Bounding bounding = ReduceReferences<Bounding>(references, &monitor_, [](auto chunk) {
       Bounding b;
       for (const Reference& reference : chunk) {
         b.bounds.Extend(reference.bounds);
@@ -157,15 +164,19 @@ class BvhBuilder {
 
     const std::optional<BvhSplit> split = FindSplit(references, bounding);
     if (!split) return 0;
-    if (depth >= kHalvingDepth) return Halve(references, split->scale.axis());
-    const auto second = std::partition(references.begin(), references.end(), [&](const auto& r) {
-      return split->scale.BinOf(r.bounds) < split->first_bin;
-    });
-    return static_cast<std::size_t>(second - references.begin());
+    CancelPoll poll =
+        references.size() < kPollReferences ? CancelPoll(CancelToken()) : monitor_.MakePoll();
+    if (depth >= kHalvingDepth) return Halve(references, split->scale.axis(), &poll);
+    std::size_t first = 0;
+    PolledPartition(
+        references, kStepWork, &poll,
+        [&](const Reference& r) { return split->scale.BinOf(r.bounds) < split->first_bin; },
+        &first);
+    return poll.stopped() ? 0 : first;
   }
 
   std::optional<BvhSplit> FindSplit(std::span<const Reference> references,
-                                    const Bounding& bounding) const {
+                                    const Bounding& bounding) {
     const double area = Area(bounding.bounds);
     double best_cost = cost_.Subtree(references.size());
     std::optional<BvhSplit> best;
@@ -178,7 +189,7 @@ class BvhBuilder {
           for (std::size_t k = 0; k < kBins; ++k) bins[k].Add(other.bins[k]);
         }
       };
-      const AxisBins bins = ReduceReferences<Bins>(references, [&](auto chunk) {
+      const AxisBins bins = ReduceReferences<Bins>(references, &monitor_, [&](auto chunk) {
                               Bins b;
                               for (const Reference& reference : chunk) {
                                 b.bins[scale.BinOf(reference.bounds)].Add({reference.bounds, 1});
@@ -207,14 +218,13 @@ class BvhBuilder {
     return best;
   }
 
-  static std::size_t Halve(std::span<Reference> references, int axis) {
+  // 0 when the poll has stopped.
+  static std::size_t Halve(std::span<Reference> references, int axis, CancelPoll* poll) {
     const std::size_t half = references.size() / 2;
-    std::nth_element(references.begin(), references.begin() + static_cast<std::ptrdiff_t>(half),
-                     references.end(), [axis](const Reference& a, const Reference& b) {
-                       return std::tuple(Center(a.bounds, axis), a.id) <
-                              std::tuple(Center(b.bounds, axis), b.id);
-                     });
-    return half;
+    const auto less = [axis](const Reference& a, const Reference& b) {
+      return std::tuple(Center(a.bounds, axis), a.id) < std::tuple(Center(b.bounds, axis), b.id);
+    };
+    return PolledNthElement(references, half, kStepWork, poll, less) ? half : 0;
   }
 
   void EmitLeaf(std::span<const Reference> references, const Bounds3f& bounds,
@@ -231,7 +241,8 @@ class BvhBuilder {
     return 1 + CountNodes(*node.first) + CountNodes(*node.second);
   }
 
-  static void Assemble(UpperNode* node, std::vector<BvhNode>* nodes) {
+  void Assemble(UpperNode* node, std::vector<BvhNode>* nodes) {
+    if (monitor_.ShouldStop()) return;
     const std::uint32_t start = static_cast<std::uint32_t>(nodes->size());
     if (!node->first) {
       for (BvhNode n : node->nodes) {
@@ -258,7 +269,7 @@ Result<Bvh> BuildBvh(const TriangleMesh& mesh, const SahCost& cost, const BuildO
   return BvhBuilder(mesh, cost, options).Build();
 }
 
-TreeStats ComputeStats(const Bvh& bvh, const SahCost& cost) {
+TreeStats ComputeStats(const Bvh& bvh, const SahCost& cost, const CancelToken& cancel) {
   TreeStats stats;
   stats.nodes = bvh.nodes.size();
   stats.bytes = bvh.bytes();
@@ -269,7 +280,8 @@ TreeStats ComputeStats(const Bvh& bvh, const SahCost& cost) {
   const double whole = Area(bvh.nodes[0].bounds);
   double weighed_cost = 0;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> pending = {{0, 0}};  // node, depth
-  while (!pending.empty()) {
+  CancelPoll poll(cancel);
+  while (!pending.empty() && !poll.Spend(kStepWork)) {
     const auto [index, depth] = pending.back();
     pending.pop_back();
     const BvhNode& node = bvh.nodes[index];

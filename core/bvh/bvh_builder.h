@@ -19,6 +19,6 @@ namespace kdray::core {
 Result<Bvh> BuildBvh(const TriangleMesh& mesh, const SahCost& cost, const BuildOptions& options);
 
 /// As for the kd-tree: see core/kdtree/kd_tree_stats.h.
-TreeStats ComputeStats(const Bvh& bvh, const SahCost& cost);
+TreeStats ComputeStats(const Bvh& bvh, const SahCost& cost, const CancelToken& cancel = {});
 
 }  // namespace kdray::core

@@ -10,28 +10,34 @@
 #include <string>
 #include <utility>
 
+#include "core/base/cancel_poll.h"
 #include "core/geometry/predicates.h"
 
 namespace kdray::core {
 namespace {
 
+// What a step of a loop over vertices or triangles counts as (CancelPoll), and the exact predicate
+// on a triangle. Every loop here ends early once the poll has stopped; Create() looks at the end.
+constexpr std::uint64_t kStepWork = 16;
+constexpr std::uint64_t kPredicateWork = 256;
+
 // Which vertices triangles use. Only those count: a file may store others, even broken ones.
-std::vector<bool> FindUsed(const MeshData& data) {
+std::vector<bool> FindUsed(const MeshData& data, CancelPoll* poll) {
   std::vector<bool> used(data.vertices.size());
-  for (const TriangleIndices& triangle : data.triangles) {
-    for (const std::uint32_t index : triangle) {
+  PolledLoop(data.triangles.size(), kStepWork, poll, [&](std::size_t i) {
+    for (const std::uint32_t index : data.triangles[i]) {
       assert(index < used.size());
       used[index] = true;
     }
-  }
+  });
   return used;
 }
 
 template <class F>
-void ForEachUsed(const MeshData& data, const std::vector<bool>& used, F&& f) {
-  for (std::size_t i = 0; i < data.vertices.size(); ++i) {
+void ForEachUsed(const MeshData& data, const std::vector<bool>& used, CancelPoll* poll, F&& f) {
+  PolledLoop(data.vertices.size(), kStepWork, poll, [&](std::size_t i) {
     if (used[i]) f(data.vertices[i]);
-  }
+  });
 }
 
 std::string Shortest(double value) {
@@ -39,8 +45,10 @@ std::string Shortest(double value) {
   return std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
 }
 
-std::optional<Error> CheckCoordinates(const MeshData& data, const std::vector<bool>& used) {
+std::optional<Error> CheckCoordinates(const MeshData& data, const std::vector<bool>& used,
+                                      CancelPoll* poll) {
   for (std::size_t i = 0; i < data.vertices.size(); ++i) {
+    if (poll->Spend(1)) return poll->ToError();
     if (!used[i]) continue;
     for (int axis = 0; axis < 3; ++axis) {
       const double value = data.vertices[i][axis];
@@ -101,37 +109,46 @@ bool IsFloat(const Vec3d& p) { return Vec3d(Vec3f(p)) == p; }
 
 template <class T>
 std::vector<Vec3<T>> LocalVertices(const MeshData& data, const std::vector<bool>& used,
-                                   const MeshFrame& frame) {
-  std::vector<Vec3<T>> local(data.vertices.size());
-  for (std::size_t i = 0; i < local.size(); ++i) {
-    if (used[i]) local[i] = Vec3<T>(frame.ToLocal(data.vertices[i]));
-  }
+                                   const MeshFrame& frame, CancelPoll* poll) {
+  std::vector<Vec3<T>> local;
+  local.reserve(data.vertices.size());
+  PolledLoop(data.vertices.size(), kStepWork, poll, [&](std::size_t i) {
+    local.push_back(used[i] ? Vec3<T>(frame.ToLocal(data.vertices[i])) : Vec3<T>());
+  });
   return local;
+}
+
+std::vector<TriangleIndices> Copy(const std::vector<TriangleIndices>& triangles, CancelPoll* poll) {
+  std::vector<TriangleIndices> copy;
+  copy.reserve(triangles.size());
+  PolledLoop(triangles.size(), kStepWork, poll,
+             [&](std::size_t i) { copy.push_back(triangles[i]); });
+  return copy;
 }
 
 template <class T>
 std::vector<bool> FindDegenerate(std::span<const Vec3<T>> vertices,
-                                 std::span<const TriangleIndices> triangles) {
+                                 std::span<const TriangleIndices> triangles, CancelPoll* poll) {
   std::vector<bool> degenerate(triangles.size());
-  for (std::size_t i = 0; i < triangles.size(); ++i) {
+  PolledLoop(triangles.size(), kPredicateWork, poll, [&](std::size_t i) {
     const auto [a, b, c] = triangles[i];
     degenerate[i] = AreCollinear(Vec3d(vertices[a]), Vec3d(vertices[b]), Vec3d(vertices[c]));
-  }
+  });
   return degenerate;
 }
 
 template <class T>
 double FindShortestEdge(std::span<const Vec3<T>> vertices,
                         std::span<const TriangleIndices> triangles,
-                        const std::vector<bool>& degenerate) {
+                        const std::vector<bool>& degenerate, CancelPoll* poll) {
   double shortest = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < triangles.size(); ++i) {
-    if (degenerate[i]) continue;  // the only triangles with edges of no length
+  PolledLoop(triangles.size(), kStepWork, poll, [&](std::size_t i) {
+    if (degenerate[i]) return;  // the only triangles with edges of no length
     const auto [a, b, c] = triangles[i];
     for (const auto& [from, to] : {std::pair{a, b}, {b, c}, {c, a}}) {
       shortest = std::min(shortest, MaxAbs(Vec3d(vertices[to]) - Vec3d(vertices[from])));
     }
-  }
+  });
   return shortest;
 }
 
@@ -155,7 +172,7 @@ std::string_view Name(MeshFormat format) {
   return "unknown";
 }
 
-Result<TriangleMesh> TriangleMesh::Create(const MeshData& data) {
+Result<TriangleMesh> TriangleMesh::Create(const MeshData& data, const CancelToken& cancel) {
   if (data.triangles.empty()) return Error{ErrorCode::kEmptyMesh, "the mesh has no triangle"};
   if (data.triangles.size() > kMaxTriangles) {
     return Error{ErrorCode::kMeshTooLarge, "the mesh has " + std::to_string(data.triangles.size()) +
@@ -167,33 +184,42 @@ Result<TriangleMesh> TriangleMesh::Create(const MeshData& data) {
                                                " vertices; at most " +
                                                std::to_string(kMaxVertices) + " are allowed"};
   }
-  const std::vector<bool> used = FindUsed(data);
-  if (std::optional<Error> error = CheckCoordinates(data, used)) return *std::move(error);
+  CancelPoll poll(cancel);
+  const std::vector<bool> used = FindUsed(data, &poll);
+  if (std::optional<Error> error = CheckCoordinates(data, used, &poll)) return *std::move(error);
 
   TriangleMesh mesh;
   mesh.format_ = data.format;
   mesh.vertex_count_ = data.vertices.size();
   mesh.bounds_ = Bounds3d::Empty();
-  ForEachUsed(data, used, [&](const Vec3d& p) { mesh.bounds_.Extend(p); });
+  ForEachUsed(data, used, &poll, [&](const Vec3d& p) { mesh.bounds_.Extend(p); });
+  if (poll.stopped()) return poll.ToError();
   mesh.frame_ = ChooseFrame(mesh.bounds_);
 
   bool all_floats = true;
+<<<<<<< HEAD
   ForEachUsed(data, used, [&](const Vec3d& p) {
     all_floats = all_floats && IsFloat(mesh.frame_.ToLocal(p));
     mesh.has_rounded_vertices_ = mesh.has_rounded_vertices_ || !IsExactIn(mesh.frame_, p);
   });
+=======
+  ForEachUsed(data, used, &poll,
+              [&](const Vec3d& p) { all_floats = all_floats && IsFloat(mesh.frame_.ToLocal(p)); });
+>>>>>>> 7dc5e2b (core: poll by work done in meshes, builds, cells and pictures)
   if (all_floats) {
-    mesh.vertices_ = LocalVertices<float>(data, used, mesh.frame_);
+    mesh.vertices_ = LocalVertices<float>(data, used, mesh.frame_, &poll);
   } else {
-    mesh.vertices_ = LocalVertices<double>(data, used, mesh.frame_);
+    mesh.vertices_ = LocalVertices<double>(data, used, mesh.frame_, &poll);
   }
-  mesh.triangles_ = data.triangles;
-  mesh.degenerate_ =
-      mesh.VisitVertices([&](auto vertices) { return FindDegenerate(vertices, mesh.triangles()); });
+  mesh.triangles_ = Copy(data.triangles, &poll);
+  if (poll.stopped()) return poll.ToError();  // before indices meet vertices that are not there
+  mesh.degenerate_ = mesh.VisitVertices(
+      [&](auto vertices) { return FindDegenerate(vertices, mesh.triangles(), &poll); });
   mesh.degenerate_count_ = CountTrue(mesh.degenerate_);
   mesh.shortest_edge_ = mesh.VisitVertices([&](auto vertices) {
-    return FindShortestEdge(vertices, mesh.triangles(), mesh.degenerate_);
+    return FindShortestEdge(vertices, mesh.triangles(), mesh.degenerate_, &poll);
   });
+  if (poll.stopped()) return poll.ToError();
   return mesh;
 }
 
@@ -209,7 +235,8 @@ TriangleMesh TriangleMesh::FromParts(Parts parts) {
   mesh.degenerate_ = std::move(parts.degenerate);
   mesh.degenerate_count_ = CountTrue(mesh.degenerate_);
   mesh.shortest_edge_ = mesh.VisitVertices([&](auto vertices) {
-    return FindShortestEdge(vertices, mesh.triangles(), mesh.degenerate_);
+    CancelPoll never{CancelToken()};
+    return FindShortestEdge(vertices, mesh.triangles(), mesh.degenerate_, &never);
   });
   return mesh;
 }

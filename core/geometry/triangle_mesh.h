@@ -11,6 +11,7 @@
 #include <variant>
 #include <vector>
 
+#include "core/base/cancel.h"
 #include "core/base/result.h"
 #include "core/geometry/bounds3.h"
 #include "core/geometry/hit.h"
@@ -76,8 +77,8 @@ class TriangleMesh {
   /// kEmptyMesh without a triangle; kInvalidMesh when a coordinate of a used vertex is not finite
   /// or beyond kMaxCoordinate (the message names the first such vertex), kMeshTooLarge beyond
   /// kMaxTriangles or kMaxVertices. A vertex that no triangle uses is counted and may be anything;
-  /// its local coordinates are 0. O(vertices + triangles).
-  static Result<TriangleMesh> Create(const MeshData& data);
+  /// its local coordinates are 0. O(vertices + triangles). kCancelled, kDeadlineExceeded.
+  static Result<TriangleMesh> Create(const MeshData& data, const CancelToken& cancel = {});
 
   std::size_t triangle_count() const { return triangles_.size(); }
   std::size_t vertex_count() const { return vertex_count_; }  ///< as stored in the file

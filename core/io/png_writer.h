@@ -1,4 +1,4 @@
-// Pixels to PNG. The only file that sees the PNG library, and the deflate library behind it.
+// Pixels to PNG. The only file that sees the libraries that compress.
 #pragma once
 
 #include <cstddef>
@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "core/base/cancel.h"
 #include "core/base/result.h"
 
 namespace kdray::core {
@@ -16,8 +17,8 @@ inline constexpr int kMaxPngSide = 16384;
 /// 2 grey and alpha, 3 RGB, 4 RGBA; alpha not premultiplied; sRGB is assumed by readers. The same
 /// pixels always give the same bytes. kInvalidArgument when a side is not 1..kMaxPngSide, the
 /// pixels do not fit the sides, or there are 2^30 bytes of them or more; kMemoryFull when memory
-/// runs out. O(pixels). Safe from many threads at once.
+/// runs out; kCancelled, kDeadlineExceeded. O(pixels). Safe from many threads at once.
 Result<std::vector<std::byte>> EncodePng(std::span<const std::uint8_t> pixels, int width,
-                                         int height, int channels);
+                                         int height, int channels, const CancelToken& cancel = {});
 
 }  // namespace kdray::core

@@ -80,12 +80,14 @@ BinnedCounts::Counts BinnedCounts::Count(std::span<const Reference> references,
   return counts;
 }
 
-BinnedCounts::BinnedCounts(std::span<const Reference> references, const Bounds3f& bounds)
+BinnedCounts::BinnedCounts(std::span<const Reference> references, const Bounds3f& bounds,
+                           BuildMonitor* monitor)
     : grid_(bounds),
       bounds_(bounds),
       triangles_(references.size()),
       counts_(ReduceReferences<Counts>(
-          references, [this](std::span<const Reference> chunk) { return Count(chunk, grid_); })) {}
+          references, monitor,
+          [this](std::span<const Reference> chunk) { return Count(chunk, grid_); })) {}
 
 BinnedCounts::BestPlanes BinnedCounts::FindBestPlanes(const std::array<SplitSearch::Axis, 3>& axes,
                                                       const Bounds3f& cell) const {

@@ -56,7 +56,8 @@ class BinnedCounts {
  public:
   /// `bounds` is the union of the references'. Large spans are counted in parallel, with the same
   /// result. O(n) time.
-  BinnedCounts(std::span<const Reference> references, const Bounds3f& bounds);
+  BinnedCounts(std::span<const Reference> references, const Bounds3f& bounds,
+               BuildMonitor* monitor = nullptr);
 
   /// The cheapest of the cuts at the grid's planes and at the faces of the references' bounds,
   /// which cut off exactly the empty space; nothing when a leaf is cheaper. `cell` contains the

@@ -37,15 +37,16 @@ void Put(KdPiece piece, const Size& place, KdTree* tree) {
             tree->primitives.data() + place.primitives);
 }
 
-void Put(KdUpperNode* node, const Size& place, KdTree* tree) {
+void Put(KdUpperNode* node, const Size& place, BuildMonitor* monitor, KdTree* tree) {
   if (!node->below) {
+    if (monitor->ShouldStop()) return;
     Put(std::move(node->piece), place, tree);
     return;
   }
   const Size below = place + Size{1, 0};
   const Size above = below + Measure(*node->below);
-  ParallelInvoke([&] { Put(node->below.get(), below, tree); },
-                 [&] { Put(node->above.get(), above, tree); });
+  ParallelInvoke([&] { Put(node->below.get(), below, monitor, tree); },
+                 [&] { Put(node->above.get(), above, monitor, tree); });
   tree->nodes[place.nodes] = KdNode::Interior(node->plane.axis, node->plane.position,
                                               static_cast<std::uint32_t>(above.nodes));
   Bounds3f bounds = tree->node_bounds[below.nodes];
@@ -55,12 +56,12 @@ void Put(KdUpperNode* node, const Size& place, KdTree* tree) {
 
 }  // namespace
 
-void Assemble(KdUpperNode* root, KdTree* tree) {
+void Assemble(KdUpperNode* root, BuildMonitor* monitor, KdTree* tree) {
   const Size size = Measure(*root);
   tree->nodes.resize(size.nodes);
   tree->node_bounds.resize(size.nodes);
   tree->primitives.resize(size.primitives);
-  Put(root, {}, tree);
+  Put(root, {}, monitor, tree);
 }
 
 }  // namespace kdray::core

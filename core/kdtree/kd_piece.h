@@ -11,6 +11,7 @@
 #include "core/kdtree/kd_node.h"
 #include "core/kdtree/kd_tree.h"
 #include "core/kdtree/split.h"
+#include "core/tree/build_monitor.h"
 
 namespace kdray::core {
 
@@ -57,7 +58,8 @@ struct KdUpperNode {
   KdPiece piece;                              ///< when there are none
 };
 
-/// Puts the pieces together, depth first, into *tree, and frees each. In parallel.
-void Assemble(KdUpperNode* root, KdTree* tree);
+/// Puts the pieces together, depth first, into *tree, and frees each. In parallel. *tree is
+/// anything once the monitor says stop.
+void Assemble(KdUpperNode* root, BuildMonitor* monitor, KdTree* tree);
 
 }  // namespace kdray::core

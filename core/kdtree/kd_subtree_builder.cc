@@ -29,7 +29,9 @@ std::optional<SplitCandidate> KdSubtreeBuilder::FindSplit(std::span<const Refere
     case KdSplitRule::kSah:
     case KdSplitRule::kBinned:
       if (references.size() <= SahCost::kBlock) return std::nullopt;
-      if (!facts->counts) facts->counts.emplace(references, facts->bounds);
+      if (!facts->counts) facts->counts.emplace(references, facts->bounds, &context_.monitor);
+      // Then chunks may have been left out, and the counts mean nothing.
+      if (references.size() > kReferenceChunk && context_.monitor.ShouldStop()) return std::nullopt;
       return facts->counts->FindSplit(task.cell, context_.cost);
     case KdSplitRule::kCyclic:
       return note_.FindCyclic(references, task.cell, task.depth);

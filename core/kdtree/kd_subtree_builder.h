@@ -20,7 +20,9 @@ namespace kdray::core {
 class KdSubtreeBuilder {
  public:
   explicit KdSubtreeBuilder(const KdBuildContext& context)
-      : context_(context), sweep_(context), note_(context.mesh, context.cost) {}
+      : context_(context),
+        sweep_(context),
+        note_(context.mesh, context.cost, context.monitor.cancel()) {}
 
   KdPiece Build(std::span<const Reference> references, const KdBuildTask& task);
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <string>
 
+#include "core/base/cancel_poll.h"
 #include "core/kdtree/split.h"
 
 namespace kdray::core {
@@ -60,7 +61,8 @@ Status KdTree::Validate(std::size_t triangle_count) const {
   return Error{ErrorCode::kCorrupt, "the kd-tree ends within a node's children"};
 }
 
-Result<std::vector<TreeCell>> KdTree::Cells(std::uint32_t depth, std::size_t limit) const {
+Result<std::vector<TreeCell>> KdTree::Cells(std::uint32_t depth, std::size_t limit,
+                                            const CancelToken& cancel) const {
   struct Entry {
     std::uint32_t node;
     std::uint32_t depth;
@@ -71,8 +73,10 @@ Result<std::vector<TreeCell>> KdTree::Cells(std::uint32_t depth, std::size_t lim
 
   // A depth-first layout makes the leaves below a node one range of nodes, up to `end`: sums over
   // it need no second walk.
+  CancelPoll poll(cancel);
   std::vector<Entry> pending = {{0, 0, bounds}};
   while (!pending.empty()) {
+    if (poll.Spend(16)) return poll.ToError();
     const Entry entry = pending.back();
     pending.pop_back();
     const KdNode& node = nodes[entry.node];
@@ -89,12 +93,14 @@ Result<std::vector<TreeCell>> KdTree::Cells(std::uint32_t depth, std::size_t lim
     const std::uint32_t end =
         pending.empty() ? static_cast<std::uint32_t>(nodes.size()) : pending.back().node;
     std::uint64_t triangles = 0;
-    for (std::uint32_t i = entry.node; i < end; ++i) {
-      if (nodes[i].IsLeaf()) triangles += nodes[i].primitive_count();
-    }
+    PolledLoop(end - entry.node, 2, &poll, [&](std::size_t i) {
+      const KdNode& below = nodes[entry.node + i];
+      if (below.IsLeaf()) triangles += below.primitive_count();
+    });
     cells.push_back({Bounds3d{Vec3d(entry.cell.min), Vec3d(entry.cell.max)}, entry.depth,
                      node.IsLeaf(), triangles});
   }
+  if (poll.stopped()) return poll.ToError();
   return cells;
 }
 

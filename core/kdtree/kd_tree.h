@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "core/base/cancel.h"
 #include "core/base/huge_pages.h"
 #include "core/geometry/bounds3.h"
 #include "core/geometry/hit.h"
@@ -52,8 +53,9 @@ struct KdTree {
   void Traverse(const LocalRay& ray, double pad, const Visit& visit, const OnNode& on_node) const;
 
   /// The nodes at `depth` and the leaves above it, depth first; at most `limit`, then
-  /// kInvalidArgument.
-  Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit) const;
+  /// kInvalidArgument. Errors: kCancelled, kDeadlineExceeded. O(nodes).
+  Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit,
+                                      const CancelToken& cancel = {}) const;
 
   /// kCorrupt unless every index is in range, no primitive is >= triangle_count, children follow
   /// their parents and the depth is at most kMaxDepth: what a traversal relies on. For trees read

@@ -24,12 +24,12 @@ class KdTreeBuilder {
       : monitor_(options), context_{mesh, rule, cost, 0, monitor_} {}
 
   Result<KdTree> Build() {
-    ReferenceArray references = MakeReferences(context_.mesh);
+    ReferenceArray references = MakeReferences(context_.mesh, &monitor_);
     const std::size_t triangles = references.size();
     context_.max_depth = KdBuildLimits::MaxDepth(triangles);
 
     KdTree tree;
-    const Bounds3f bounds = UnionBounds(references);
+    const Bounds3f bounds = UnionBounds(references, &monitor_);
     tree.bounds = bounds;
     // Node positions have 30 bits.
     const std::uint64_t weight = std::min<std::uint64_t>(
@@ -37,9 +37,9 @@ class KdTreeBuilder {
     KdUpperNode root;
     BuildTop({std::move(references), bounds}, {bounds, 0, WeightBudget(weight), 1.0}, &root);
 
+    if (!monitor_.ShouldStop()) Assemble(&root, &monitor_, &tree);
     const Status status = monitor_.Finish();
     if (!status.ok()) return status.error();
-    Assemble(&root, &tree);
     return tree;
   }
 
@@ -59,10 +59,12 @@ class KdTreeBuilder {
     if (!monitor_.ShouldStop()) {
       split = KdSubtreeBuilder(context_).FindSplit(references, task, facts);
     }
+    if (monitor_.ShouldStop()) return;
     if (!split || !task.budget.AllowsAtTop(split->below, split->above)) {
-      for (const Reference& reference : references) {
-        node->piece.primitives.push_back(reference.id);
-      }
+      CancelPoll poll = monitor_.MakePoll();
+      PolledLoop(references.size(), 4, &poll,
+                 [&](std::size_t i) { node->piece.primitives.push_back(references.data()[i].id); });
+      if (poll.stopped()) return;
       node->piece.EndLeaf(references.size(), facts->bounds);
       monitor_.AddDone(task.share);
       return;
@@ -72,7 +74,8 @@ class KdTreeBuilder {
       return;
     }
     Share below, above;
-    DistributeInParallel(context_.mesh, references, task.cell, *split, &below, &above);
+    DistributeInParallel(context_.mesh, references, task.cell, *split, &below, &above, &monitor_);
+    if (monitor_.ShouldStop()) return;
     references = {};
 
     const auto [below_task, above_task] =

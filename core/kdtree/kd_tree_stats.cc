@@ -2,11 +2,12 @@
 
 #include <vector>
 
+#include "core/base/cancel_poll.h"
 #include "core/kdtree/split.h"
 
 namespace kdray::core {
 
-TreeStats ComputeStats(const KdTree& tree, const SahCost& cost) {
+TreeStats ComputeStats(const KdTree& tree, const SahCost& cost, const CancelToken& cancel) {
   TreeStats stats;
   stats.nodes = tree.nodes.size();
   stats.bytes = tree.bytes();
@@ -24,7 +25,8 @@ TreeStats ComputeStats(const KdTree& tree, const SahCost& cost) {
   const double whole = area(tree.bounds);
   double weighed_cost = 0;
   std::vector<Entry> pending = {{0, 0, tree.bounds}};
-  while (!pending.empty()) {
+  CancelPoll poll(cancel);
+  while (!pending.empty() && !poll.Spend(16)) {
     const Entry entry = pending.back();
     pending.pop_back();
     const KdNode& node = tree.nodes[entry.node];

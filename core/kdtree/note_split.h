@@ -6,16 +6,19 @@
 #include <span>
 #include <vector>
 
+#include "core/base/cancel_poll.h"
 #include "core/geometry/triangle_mesh.h"
 #include "core/kdtree/partition.h"
 #include "core/kdtree/split.h"
 
 namespace kdray::core {
 
-/// Finds the note's cuts. Keeps scratch memory between calls; one thread at a time.
+/// Finds the note's cuts; nothing once `cancel` says stop. Keeps scratch memory between calls; one
+/// thread at a time.
 class NoteSplitFinder {
  public:
-  NoteSplitFinder(const TriangleMesh& mesh, const SahCost& cost) : mesh_(mesh), cost_(cost) {}
+  NoteSplitFinder(const TriangleMesh& mesh, const SahCost& cost, const CancelToken& cancel = {})
+      : mesh_(mesh), cost_(cost), poll_(cancel) {}
 
   /// The naive build: the plane at the median of the centroids (between the middle two of an even
   /// number), on axis depth % 3. Where that plane would not be inside the cell or would leave a
@@ -35,6 +38,7 @@ class NoteSplitFinder {
 
   const TriangleMesh& mesh_;
   const SahCost& cost_;
+  CancelPoll poll_;
   std::vector<float> centroids_, lows_, highs_, planars_;
 };
 

@@ -122,12 +122,12 @@ void Finish(std::span<const Places> chunks, Share* share) {
 
 void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> references,
                           const Bounds3f& cell, const SplitCandidate& split, Share* below,
-                          Share* above) {
+                          Share* above, BuildMonitor* monitor) {
   // Each chunk gets the places that CountSides() promises; the gaps that clipping leaves are closed
-  // at the end.
+  // at the end. A chunk that the monitor left out has no places, and is left out below as well.
   const std::size_t chunks = ReferenceChunks(references.size());
   std::vector<Places> below_places(chunks), above_places(chunks);
-  ForEachReferenceChunk(references, [&](std::span<const Reference> chunk, std::size_t c) {
+  ForEachReferenceChunk(references, monitor, [&](std::span<const Reference> chunk, std::size_t c) {
     const SideCounts counts = CountSides(chunk, split);
     below_places[c].count = counts.below;
     above_places[c].count = counts.above;
@@ -144,7 +144,7 @@ void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> r
     // While they are in the cache.
     places->bounds = UnionBounds(std::span(share.references).subspan(places->first, used));
   };
-  ForEachReferenceChunk(references, [&](std::span<const Reference> chunk, std::size_t c) {
+  ForEachReferenceChunk(references, monitor, [&](std::span<const Reference> chunk, std::size_t c) {
     ReferenceArray cut(chunk.size());
     const SideCounts used =
         Distribute(mesh, chunk, cell, split, below->references.data() + below_places[c].first,
@@ -152,6 +152,7 @@ void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> r
     note(used.below, &below_places[c], *below);
     note(used.above, &above_places[c], *above);
   });
+  if (monitor != nullptr && monitor->ShouldStop()) return;
   Finish(below_places, below);
   Finish(above_places, above);
 }

@@ -54,9 +54,9 @@ struct Share {
 };
 
 /// The same for large nodes: in parallel, into arrays of its own, in an order that depends on the
-/// references alone.
+/// references alone. Anything once the monitor says stop.
 void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> references,
                           const Bounds3f& cell, const SplitCandidate& split, Share* below,
-                          Share* above);
+                          Share* above, BuildMonitor* monitor = nullptr);
 
 }  // namespace kdray::core

@@ -129,8 +129,8 @@ class SceneSource::Attempt {
     if (Status status = Need(EstimateFinishBytes(**binary)); !status.ok()) {
       return std::move(status).error();
     }
-    std::optional<Tree> tree;
-    source_->arena_->Run([&] { tree = FinishTree(mesh, build, **binary); });
+    std::optional<Result<Tree>> tree;
+    source_->arena_->Run([&] { tree = FinishTree(mesh, build, **binary, watch_->cancel); });
     fetched_.tree.build_ms =
         std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     return *std::move(tree);

@@ -9,6 +9,11 @@ namespace kdray::core {
 namespace {
 
 constexpr double kHiddenBySizePx = 2;
+// What it counts as to make a segment, to note it in a bin, and to draw a row of its pixels
+// (CancelPoll).
+constexpr std::uint64_t kSegmentWork = 256;
+constexpr std::uint64_t kBinWork = 16;
+constexpr std::uint64_t kRowWork = 256;
 constexpr double kFullWidthHeight = 640;  // image height from which lines grow with the image
 
 // Clips the parameter interval [*enter, *exit] of a segment to where a value that goes linearly
@@ -23,7 +28,7 @@ bool ClipToPositive(double at_start, double at_end, double* enter, double* exit)
 }  // namespace
 
 CellLines::CellLines(std::span<const TreeCell> cells, const Camera& camera, const Region& region,
-                     const LineStyle& style)
+                     const LineStyle& style, const CancelToken& cancel)
     : camera_(camera), region_(region), style_(style) {
   const double scale = std::max(1.0, camera.height / kFullWidthHeight);
   half_width_px_ = static_cast<double>(style.width_px) * scale / 2;
@@ -31,7 +36,9 @@ CellLines::CellLines(std::span<const TreeCell> cells, const Camera& camera, cons
 
   near_depth_ = std::numeric_limits<double>::infinity();
   far_depth_ = 0;
+  CancelPoll poll(cancel);
   for (const TreeCell& cell : cells) {
+    if (poll.Spend(kSegmentWork)) return;
     for (unsigned i = 0; i < 8; ++i) {
       const double depth = std::max(camera.ToView(cell.bounds.Corner(i)).depth, 0.0);
       near_depth_ = std::min(near_depth_, depth);
@@ -39,6 +46,7 @@ CellLines::CellLines(std::span<const TreeCell> cells, const Camera& camera, cons
     }
   }
   for (const TreeCell& cell : cells) {
+    if (poll.Spend(12 * kSegmentWork)) return;
     const float opacity = cell.triangles == 0 ? style.empty_opacity : 1.0f;
     for (unsigned i = 0; i < 8; ++i) {
       for (unsigned axis = 1; axis < 8; axis <<= 1) {
@@ -48,7 +56,7 @@ CellLines::CellLines(std::span<const TreeCell> cells, const Camera& camera, cons
       }
     }
   }
-  FillBins();
+  FillBins(&poll);
 }
 
 void CellLines::AddEdge(const Vec3d& from, const Vec3d& to, float opacity) {
@@ -122,7 +130,7 @@ void CellLines::VisitBins(const Segment& s, const Visit& visit) const {
   }
 }
 
-void CellLines::FillBins() {
+void CellLines::FillBins(CancelPoll* poll) {
   // At most 128 bins across, so that their number stays small beside the pixels'.
   bins_.side = std::max(32, (std::max(region_.width(), region_.height()) + 127) / 128);
   bins_.columns = (region_.width() + bins_.side - 1) / bins_.side;
@@ -130,20 +138,27 @@ void CellLines::FillBins() {
   bins_.first.assign(
       static_cast<std::size_t>(bins_.columns) * static_cast<std::size_t>(bins_.rows) + 1, 0);
   for (const Segment& segment : segments_) {
-    VisitBins(segment, [&](std::size_t bin) { ++bins_.first[bin + 1]; });
+    if (poll->Spend(kSegmentWork)) return;
+    VisitBins(segment, [&](std::size_t bin) {
+      poll->Spend(kBinWork);
+      ++bins_.first[bin + 1];
+    });
   }
   for (std::size_t i = 1; i < bins_.first.size(); ++i) bins_.first[i] += bins_.first[i - 1];
   bins_.segments.resize(bins_.first.back());
   std::vector<std::uint32_t> next = bins_.first;
   for (std::size_t i = 0; i < segments_.size(); ++i) {
+    if (poll->Spend(kSegmentWork)) return;
     VisitBins(segments_[i], [&](std::size_t bin) {
+      poll->Spend(kBinWork);
       bins_.segments[next[bin]++] = static_cast<std::uint32_t>(i);
     });
   }
 }
 
-void CellLines::Draw(const Tile& tile, std::span<const Hit> hits, int samples,
-                     std::span<float> opacity) const {
+Status CellLines::Draw(const Tile& tile, std::span<const Hit> hits, int samples,
+                       std::span<float> opacity, const CancelToken& cancel) const {
+  CancelPoll poll(cancel);
   std::fill(opacity.begin(), opacity.end(), 0.0f);
   const int last_row = (tile.y1 - 1 - region_.y0) / bins_.side;
   const int last_column = (tile.x1 - 1 - region_.x0) / bins_.side;
@@ -157,15 +172,17 @@ void CellLines::Draw(const Tile& tile, std::span<const Hit> hits, int samples,
                          std::min(tile.x1, region_.x0 + (column + 1) * bins_.side),
                          std::min(tile.y1, region_.y0 + (row + 1) * bins_.side)};
       for (std::uint32_t i = bins_.first[bin]; i < bins_.first[bin + 1]; ++i) {
-        DrawSegment(segments_[bins_.segments[i]], part, tile, hits, samples, opacity);
+        if (poll.Spend(kRowWork)) return poll.ToError();
+        DrawSegment(segments_[bins_.segments[i]], part, tile, hits, samples, opacity, &poll);
       }
     }
   }
+  return poll.ToStatus();
 }
 
 void CellLines::DrawSegment(const Segment& s, const Tile& part, const Tile& tile,
-                            std::span<const Hit> hits, int samples,
-                            std::span<float> opacity) const {
+                            std::span<const Hit> hits, int samples, std::span<float> opacity,
+                            CancelPoll* poll) const {
   const double dx = s.x1 - s.x0;
   const double dy = s.y1 - s.y0;
   const double length2 = dx * dx + dy * dy;
@@ -175,6 +192,7 @@ void CellLines::DrawSegment(const Segment& s, const Tile& part, const Tile& tile
   const int y_end = clamp_px(std::ceil(std::max(s.y0, s.y1) + reach_px_), part.y0, part.y1);
   for (int y = clamp_px(std::floor(std::min(s.y0, s.y1) - reach_px_), part.y0, part.y1); y < y_end;
        ++y) {
+    if (poll->Spend(kRowWork)) return;
     // The part of the segment near this row of pixels.
     double enter = 0;
     double exit = 1;
@@ -204,6 +222,7 @@ void CellLines::DrawSegment(const Segment& s, const Tile& part, const Tile& tile
       if (strongest <= opacity[pixel]) continue;  // another line wins whatever is hidden
 
       const double hiding_depth = depth - kHiddenBySizePx * camera_.PixelSize(depth);
+      poll->Spend(static_cast<std::uint64_t>(samples));
       int seen = 0;
       const std::size_t first = pixel * static_cast<std::size_t>(samples);
       for (std::size_t i = 0; i < static_cast<std::size_t>(samples); ++i) {

@@ -6,6 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "core/base/cancel_poll.h"
+#include "core/base/result.h"
 #include "core/geometry/hit.h"
 #include "core/render/camera.h"
 #include "core/render/color.h"
@@ -29,16 +31,18 @@ struct LineStyle {
 /// opaque line wins. Immutable once made; safe from many threads at once.
 class CellLines {
  public:
-  /// Edges of `cells` (world units) as the camera sees them within `region`.
+  /// Edges of `cells` (world units) as the camera sees them within `region`. Not to be used once
+  /// `cancel` says stop.
   CellLines(std::span<const TreeCell> cells, const Camera& camera, const Region& region,
-            const LineStyle& style = {});
+            const LineStyle& style = {}, const CancelToken& cancel = {});
 
   /// Opacity of the lines for each pixel of `tile`, row by row. hits: `samples` per pixel, in the
   /// same order, their t being depth; a line is hidden by the share of samples whose surface lies
   /// in front of it. Surfaces less than two pixel sizes in front do not hide it: cells end where
-  /// the mesh does, so lines lie in surfaces, and samples do not lie on lines.
-  void Draw(const Tile& tile, std::span<const Hit> hits, int samples,
-            std::span<float> opacity) const;
+  /// the mesh does, so lines lie in surfaces, and samples do not lie on lines. Errors: kCancelled,
+  /// kDeadlineExceeded.
+  Status Draw(const Tile& tile, std::span<const Hit> hits, int samples, std::span<float> opacity,
+              const CancelToken& cancel = {}) const;
 
   const LineStyle& style() const { return style_; }
 
@@ -59,11 +63,12 @@ class CellLines {
   };
 
   void AddEdge(const Vec3d& from, const Vec3d& to, float opacity);
-  void FillBins();
+  void FillBins(CancelPoll* poll);
   template <class Visit>
   void VisitBins(const Segment& segment, const Visit& visit) const;
   void DrawSegment(const Segment& segment, const Tile& part, const Tile& tile,
-                   std::span<const Hit> hits, int samples, std::span<float> opacity) const;
+                   std::span<const Hit> hits, int samples, std::span<float> opacity,
+                   CancelPoll* poll) const;
   float FadeAt(double depth) const;
 
   Camera camera_;

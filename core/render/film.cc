@@ -4,14 +4,16 @@
 
 namespace kdray::core {
 
-std::vector<Tile> CutIntoTiles(const Region& region, int side) {
-  std::vector<Tile> tiles;
-  for (int y = region.y0; y < region.y1; y += side) {
-    for (int x = region.x0; x < region.x1; x += side) {
-      tiles.push_back({x, y, std::min(x + side, region.x1), std::min(y + side, region.y1)});
-    }
-  }
-  return tiles;
+TileGrid::TileGrid(const Region& region, int side)
+    : region_(region),
+      side_(side),
+      columns_(static_cast<std::size_t>((region.width() + side - 1) / side)),
+      rows_(static_cast<std::size_t>((region.height() + side - 1) / side)) {}
+
+Tile TileGrid::operator[](std::size_t i) const {
+  const int x = region_.x0 + static_cast<int>(i % columns_) * side_;
+  const int y = region_.y0 + static_cast<int>(i / columns_) * side_;
+  return {x, y, std::min(x + side_, region_.x1), std::min(y + side_, region_.y1)};
 }
 
 }  // namespace kdray::core

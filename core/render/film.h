@@ -1,10 +1,13 @@
 // The pixel store and the pieces that are rendered one at a time.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <span>
 #include <utility>
 #include <vector>
+
+#include "core/base/cancel_poll.h"
 
 namespace kdray::core {
 
@@ -23,9 +26,20 @@ struct Region {
 /// A block of pixels that one thread renders at a time, in coordinates of the whole image.
 using Tile = Region;
 
-/// Cuts `region` into tiles of at most side x side pixels, row by row. Tiles start at the region's
-/// corner: no pixel's value may depend on the tile it lies in.
-std::vector<Tile> CutIntoTiles(const Region& region, int side);
+/// A region's tiles of at most side x side pixels, row by row. Tiles start at the region's corner:
+/// no pixel's value may depend on the tile it lies in.
+class TileGrid {
+ public:
+  TileGrid(const Region& region, int side);
+
+  std::size_t size() const { return columns_ * rows_; }
+  Tile operator[](std::size_t i) const;
+
+ private:
+  Region region_;
+  int side_;
+  std::size_t columns_, rows_;
+};
 
 /// Row-major [height][width][channels] values of a region, top row first. Different pixels may be
 /// written from different threads.
@@ -37,6 +51,16 @@ class Film {
       : region_(region),
         channels_(channels),
         values_(region.pixel_count() * static_cast<std::size_t>(channels)) {}
+  /// The same with a poll: gigabytes take long to be filled. Not to be used once that has stopped.
+  Film(const Region& region, int channels, CancelPoll* poll)
+      : region_(region), channels_(channels) {
+    constexpr std::size_t kPiece = std::size_t{1} << 16;
+    const std::size_t size = region.pixel_count() * static_cast<std::size_t>(channels);
+    values_.reserve(size);
+    while (values_.size() < size && !poll->Spend(kPiece)) {
+      values_.resize(std::min(size, values_.size() + kPiece));
+    }
+  }
 
   const Region& region() const { return region_; }
   int channels() const { return channels_; }

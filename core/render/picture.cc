@@ -1,6 +1,7 @@
 #include "core/render/picture.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -8,6 +9,7 @@
 #include <tuple>
 #include <utility>
 
+#include "core/base/cancel_poll.h"
 #include "core/base/parallel.h"
 #include "core/render/cell_lines.h"
 #include "core/render/shading.h"
@@ -16,6 +18,8 @@ namespace kdray::core {
 namespace {
 
 constexpr float kFarGrey = 32.0f / 255.0f;
+// What a byte of the picture counts as (CancelPoll).
+constexpr std::uint64_t kWorkPerByte = 32;
 
 // Depths of the mesh's bounds, as far as they lie before the eye.
 std::pair<double, double> DepthRange(const RenderedImage& image) {
@@ -82,7 +86,9 @@ void Write(const Rgba& c, const Encode& encode, std::span<std::uint8_t> pixel) {
 
 }  // namespace
 
-Picture MakePicture(const RenderedImage& image) {
+Picture MakePicture(const RenderedImage& image) { return *MakePicture(image, CancelToken()); }
+
+Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cancel) {
   const Region& region = image.region();
   const Background& background = image.background;
   Picture picture;
@@ -116,10 +122,19 @@ Picture MakePicture(const RenderedImage& image) {
       Write(c, ToUnorm8, pixel);
     }
   };
+  std::atomic<bool> stopped{false};
   ParallelFor(0, static_cast<std::size_t>(picture.height), 16,
               [&](std::size_t first, std::size_t last) {
-                for (std::size_t row = first; row < last; ++row) write_row(row);
+                CancelPoll poll(cancel);
+                for (std::size_t row = first; row < last && !stopped; ++row) {
+                  if (poll.Spend(row_bytes * kWorkPerByte)) {
+                    stopped = true;
+                    return;
+                  }
+                  write_row(row);
+                }
               });
+  if (stopped) return cancel.ToError();
   return picture;
 }
 

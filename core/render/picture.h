@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/base/cancel.h"
+#include "core/base/result.h"
 #include "core/render/renderer.h"
 
 namespace kdray::core {
@@ -25,7 +27,9 @@ struct Picture {
 ///   kTriangle  a colour by number (HashedColor).
 /// Pixels that miss show the background. Lines of cells lie over all of it.
 /// A region's picture equals that part of the whole picture. O(pixels), in parallel within the
-/// caller's arena.
+/// caller's arena. Errors: kCancelled, kDeadlineExceeded.
+Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cancel);
+/// The same to the end.
 Picture MakePicture(const RenderedImage& image);
 
 }  // namespace kdray::core

@@ -77,23 +77,28 @@ Status Check(const RenderSpec& spec) {
   return CheckRegion(spec);
 }
 
-void MakeFilms(const Region& region, bool with_lines, RenderedImage* image) {
+Status MakeFilms(const Region& region, bool with_lines, const CancelToken& cancel,
+                 RenderedImage* image) {
+  CancelPoll poll(cancel);
   switch (image->mode) {
     case RenderMode::kShaded:
-      image->values = Film<float>(region, 4);
+      image->values = Film<float>(region, 4, &poll);
       break;
     case RenderMode::kNormal:
-      image->values = Film<float>(region, 3);
-      image->coverage = Film<float>(region, 1);
+      image->values = Film<float>(region, 3, &poll);
+      image->coverage = Film<float>(region, 1, &poll);
       break;
     case RenderMode::kDepth:
-      image->values = Film<float>(region, 1);
+      image->values = Film<float>(region, 1, &poll);
       break;
     case RenderMode::kTriangle:
-      image->values = Film<std::int32_t>(region, 1);
+      image->values = Film<std::int32_t>(region, 1, &poll);
       break;
   }
-  if (with_lines && image->mode != RenderMode::kShaded) image->lines = Film<float>(region, 1);
+  if (with_lines && image->mode != RenderMode::kShaded) {
+    image->lines = Film<float>(region, 1, &poll);
+  }
+  return poll.ToStatus();
 }
 
 // The first failure of any tile; the others stop soon after it.
@@ -131,7 +136,7 @@ int TileSide(int samples_at_once) {
                   static_cast<int>(std::sqrt(static_cast<double>(kRaysPerTile) / samples_at_once)));
 }
 
-// What a tile's pixels have reached; summed up in the order of tiles.
+// What a tile's pixels have reached. Sums do not depend on the order of the tiles.
 struct Reached {
   std::uint64_t samples = 0;
   double noise = 0;
@@ -153,7 +158,8 @@ struct Reached {
   }
 };
 
-// The ways from tiles to an image. Each looks at `cancel` once a tile.
+// The ways from tiles to an image. Each looks at `cancel` once a tile, which is not much work; what
+// is traced and drawn in a tile looks by itself.
 class ImageRenderer {
  public:
   ImageRenderer(const RenderSpec& spec, const SamplingRule& rule, const TileRenderer& renderer,
@@ -161,7 +167,7 @@ class ImageRenderer {
       : spec_(spec), rule_(rule), renderer_(renderer), cancel_(cancel), progress_(progress) {}
 
   Status RenderCentres(const Region& region) const {
-    const std::vector<Tile> tiles = CutIntoTiles(region, TileSide(1));
+    const TileGrid tiles(region, TileSide(1));
     return ForEachTile(tiles.size(),
                        [&](std::size_t i) { return renderer_.RenderCentres(tiles[i]); });
   }
@@ -169,8 +175,8 @@ class ImageRenderer {
   // Tile by tile, each until its pixels have enough.
   Status RenderTiles(const Region& region, RenderedImage* image) const {
     const int first = spec_.max_noise ? std::min(kMinAdaptiveSamples, rule_.limit) : rule_.limit;
-    const std::vector<Tile> tiles = CutIntoTiles(region, TileSide(first));
-    std::vector<Reached> reached(tiles.size());
+    const TileGrid tiles(region, TileSide(first));
+    SharedReached reached;
     Status status = ForEachTile(tiles.size(), [&](std::size_t i) -> Status {
       TileSums sums = TileRenderer::Begin(tiles[i]);
       int target = first;
@@ -180,19 +186,23 @@ class ImageRenderer {
         target = std::min(target + kAdaptiveStep, rule_.limit);
       } while (!sums.is_finished());
       renderer_.Write(sums);
-      reached[i].Add(sums, rule_);
+      reached.Add(sums, rule_);
       return {};
     });
-    if (status.ok()) Sum(reached, image);
+    if (status.ok()) Report(reached.all, image);
     return status;
   }
 
   // All tiles together, in passes, until the time is over.
   Status RenderWithin(std::chrono::steady_clock::time_point end, const Region& region,
                       bool has_lines, RenderedImage* image) const {
+    const TileGrid tiles(region, TileSide(kAdaptiveStep));
     std::vector<TileSums> sums;
-    for (const Tile& tile : CutIntoTiles(region, TileSide(kAdaptiveStep))) {
-      sums.push_back(TileRenderer::Begin(tile));
+    sums.reserve(tiles.size());
+    CancelPoll poll(cancel_);
+    for (std::size_t i = 0; i < tiles.size(); ++i) {
+      if (poll.Spend(kSumsWork * tiles[i].pixel_count())) return poll.ToError();
+      sums.push_back(TileRenderer::Begin(tiles[i]));
     }
     std::atomic<bool> is_over{false};
     // Lines take their depths from the first samples: one would be too rough.
@@ -211,23 +221,41 @@ class ImageRenderer {
       if (!status.ok()) return status;
       if (is_finished) break;
     }
-    std::vector<Reached> reached(sums.size());
+    SharedReached reached;
     Status status = ForEachTile(sums.size(), [&](std::size_t i) -> Status {
       renderer_.Write(sums[i]);
-      reached[i].Add(sums[i], rule_);
+      reached.Add(sums[i], rule_);
       return {};
     });
     if (!status.ok()) return status;
-    Sum(reached, image);
+    Report(reached.all, image);
     if (is_over) image->stopped = Stopped::kBudget;
     return {};
   }
 
  private:
+  // What the place for a pixel's sums counts as (CancelPoll).
+  static constexpr std::uint64_t kSumsWork = 32;
+
+  // Of all tiles so far. Safe from many threads at once.
+  struct SharedReached {
+    std::mutex mutex;
+    Reached all;
+
+    void Add(const TileSums& sums, const SamplingRule& rule) {
+      Reached tile;
+      tile.Add(sums, rule);
+      const std::lock_guard lock(mutex);
+      all.Add(tile);
+    }
+  };
+
   template <class F>
   Status ForEachTile(std::size_t count, const F& f) const {
+    // Even after an error each piece takes its time, so there are not too many of them.
+    constexpr std::size_t kMostPieces = std::size_t{1} << 16;
     FirstError first_error;
-    ParallelFor(0, count, 1, [&](std::size_t first, std::size_t last) {
+    ParallelFor(0, count, count / kMostPieces + 1, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) {
         if (first_error.seen()) return;
         if (cancel_.ShouldStop()) return first_error.Set(cancel_.ToError());
@@ -245,9 +273,7 @@ class ImageRenderer {
     return std::min(target < kAdaptiveStep ? 2 * target : target + kAdaptiveStep, rule_.limit);
   }
 
-  void Sum(const std::vector<Reached>& reached, RenderedImage* image) const {
-    Reached all;
-    for (const Reached& tile : reached) all.Add(tile);
+  void Report(const Reached& all, RenderedImage* image) const {
     image->samples =
         static_cast<double>(all.samples) / static_cast<double>(image->region().pixel_count());
     if (std::isfinite(all.noise) && rule_.estimates) image->noise = all.noise;
@@ -277,12 +303,14 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
                                                                                    : Rgb{0, 0, 0}};
   image.background = spec.background.value_or(default_background);
   const Region region = RegionOf(spec);
-  MakeFilms(region, spec.cells_depth.has_value(), &image);
+  if (Status films = MakeFilms(region, spec.cells_depth.has_value(), cancel, &image); !films.ok()) {
+    return std::move(films).error();
+  }
 
   const SamplingRule rule = RuleOf(spec);
   TileRenderer renderer(scene, spec, rule, cancel, &image);
   if (spec.cells_depth) {
-    Result<std::vector<TreeCell>> cells = scene.Cells(*spec.cells_depth, spec.max_cells);
+    Result<std::vector<TreeCell>> cells = scene.Cells(*spec.cells_depth, spec.max_cells, cancel);
     if (!cells.ok()) {
       Error error = std::move(cells).error();
       if (error.code == ErrorCode::kInvalidArgument) {
@@ -290,7 +318,8 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
       }
       return error;
     }
-    renderer.SetLines(CellLines(*cells, image.camera, region));
+    renderer.SetLines(CellLines(*cells, image.camera, region, LineStyle{}, cancel));
+    if (cancel.ShouldStop()) return cancel.ToError();
   }
 
   const ImageRenderer image_renderer(spec, rule, renderer, cancel, progress);

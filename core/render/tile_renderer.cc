@@ -77,7 +77,8 @@ Status TileRenderer::RenderCentres(const Tile& tile) const {
   }
   if (lines_) {
     std::vector<float> opacity(tile.pixel_count());
-    lines_->Draw(tile, hits, 1, opacity);
+    status = lines_->Draw(tile, hits, 1, opacity, trace_options_.cancel);
+    if (!status.ok()) return status;
     ForEachPixel(tile, [&](int x, int y, std::size_t i) { DrawLine(opacity[i], x, y); });
   }
   return {};
@@ -96,7 +97,8 @@ Status TileRenderer::Refine(int target, TileSums* sums) const {
     // Of the first samples, of which all pixels have as many: what they tell of the depth is enough
     // for a line's edge.
     sums->line_opacity.resize(sums->pixels.size());
-    lines_->Draw(sums->tile, hits, target, sums->line_opacity);
+    status = lines_->Draw(sums->tile, hits, target, sums->line_opacity, trace_options_.cancel);
+    if (!status.ok()) return status;
   }
   std::size_t first = 0;
   for (PixelSums& pixel : sums->pixels) {

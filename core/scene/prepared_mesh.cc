@@ -11,7 +11,7 @@ Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelT
   const auto start = std::chrono::steady_clock::now();
   const Result<MeshData> data = ReadMesh(bytes, MeshReadOptions{cancel});
   if (!data.ok()) return data.error();
-  Result<TriangleMesh> mesh = TriangleMesh::Create(*data);
+  Result<TriangleMesh> mesh = TriangleMesh::Create(*data, cancel);
   if (!mesh.ok()) return std::move(mesh).error();
 
   MeshFacts facts;

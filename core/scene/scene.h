@@ -17,8 +17,10 @@ struct Scene {
   std::shared_ptr<const Tree> tree;
 
   /// The nodes at `depth` and the leaves above it, in world units; kInvalidArgument when there are
-  /// more than `limit`.
-  Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit) const;
+  /// more than `limit`. Builds the binary tree again if nobody has asked before. Errors:
+  /// kCancelled, kDeadlineExceeded.
+  Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit,
+                                      const CancelToken& cancel = {}) const;
 };
 
 }  // namespace kdray::core

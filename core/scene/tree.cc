@@ -11,6 +11,7 @@
 #include "core/kdtree/kd_tree_builder.h"
 #include "core/kdtree/kd_tree_stats.h"
 #include "core/kdtree/sweep_split.h"
+#include "core/tree/build_monitor.h"
 #include "core/tree/reference.h"
 #include "core/tree/sah_cost.h"
 #include "core/wide/collapse.h"
@@ -77,20 +78,24 @@ Result<BinaryTree> BuildBinaryTree(const TriangleMesh& mesh, BuildKind kind,
 Result<Tree> BuildTree(const TriangleMesh& mesh, BuildKind kind, const BuildOptions& options) {
   const Result<BinaryTree> binary = BuildBinaryTree(mesh, kind, options);
   if (!binary.ok()) return binary.error();
-  return FinishTree(mesh, kind, *binary);
+  return FinishTree(mesh, kind, *binary, options.cancel);
 }
 
-Tree FinishTree(const TriangleMesh& mesh, BuildKind kind, const BinaryTree& binary) {
+Result<Tree> FinishTree(const TriangleMesh& mesh, BuildKind kind, const BinaryTree& binary,
+                        const CancelToken& cancel) {
+  const BuildOptions options{cancel};
+  BuildMonitor monitor(options);
   const SahCost cost = SahCost::For(mesh.triangle_count());
   Tree tree;
   tree.build = kind;
   std::visit(
       [&](const auto& structure) {
         // The sums of the statistics go through the nodes in their order, so on one thread.
-        ParallelInvoke([&] { tree.wide = Collapse(mesh, structure); },
-                       [&] { tree.stats = ComputeStats(structure, cost); });
+        ParallelInvoke([&] { tree.wide = Collapse(mesh, structure, &monitor); },
+                       [&] { tree.stats = ComputeStats(structure, cost, cancel); });
       },
       binary);
+  if (const Status status = monitor.Finish(); !status.ok()) return status.error();
   tree.stats.bytes = tree.bytes();
   return tree;
 }
@@ -133,8 +138,8 @@ std::uint64_t EstimateBuildBytes(std::size_t triangle_count, BuildKind kind) {
   constexpr std::uint64_t kFinished =
       2 * (sizeof(KdNode) + sizeof(Bounds3f)) / KdBuildLimits::kLeafWeight + sizeof(PrimitiveId);
   // In a large node at most 3/8 of the weight are references; they are there twice while they are
-  // handed to the children. kd-cyclic sorts four lists of floats.
-  constexpr std::uint64_t kLarge = kWeight * 3 / 8 * (2 * sizeof(Reference) + 4 * sizeof(float));
+  // handed to the children. kd-cyclic sorts four lists of floats by way of a fifth.
+  constexpr std::uint64_t kLarge = kWeight * 3 / 8 * (2 * sizeof(Reference) + 5 * sizeof(float));
   // KdSubtreeBuilder: its stack, and the piece it makes; the references of one node on their way to
   // its children.
   constexpr std::uint64_t kSubtree =

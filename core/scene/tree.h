@@ -56,8 +56,10 @@ Result<Tree> BuildTree(const TriangleMesh& mesh, BuildKind kind, const BuildOpti
 Result<BinaryTree> BuildBinaryTree(const TriangleMesh& mesh, BuildKind kind,
                                    const BuildOptions& options = {});
 
-/// The second half of BuildTree; `binary` is what BuildBinaryTree made.
-Tree FinishTree(const TriangleMesh& mesh, BuildKind kind, const BinaryTree& binary);
+/// The second half of BuildTree; `binary` is what BuildBinaryTree made. Errors: kCancelled,
+/// kDeadlineExceeded.
+Result<Tree> FinishTree(const TriangleMesh& mesh, BuildKind kind, const BinaryTree& binary,
+                        const CancelToken& cancel = {});
 
 /// Memory of a build, in two steps, without the mesh. The first is an upper bound of what
 /// BuildBinaryTree holds at its peak, and for usual meshes of all that BuildTree does; the second,

@@ -3,6 +3,7 @@
 
 #include <atomic>
 
+#include "core/base/cancel_poll.h"
 #include "core/tree/build_options.h"
 
 namespace kdray::core {
@@ -12,8 +13,9 @@ class BuildMonitor {
  public:
   explicit BuildMonitor(const BuildOptions& options) : options_(options) {}
 
-  /// Looks at the token, so call it once per few thousand references. Once true it stays true; the
-  /// caller then returns whatever is quickest, since the tree is thrown away.
+  /// Looks at the token, so call it once per piece of work, which is a few thousand references.
+  /// Once true it stays true; the caller then returns whatever is quickest, since the tree is
+  /// thrown away.
   bool ShouldStop() {
     if (stopped_.load(std::memory_order_relaxed)) return true;
     if (!options_.cancel.ShouldStop()) return false;
@@ -21,15 +23,19 @@ class BuildMonitor {
     return true;
   }
 
+  /// For one thread's loop over more than a piece.
+  CancelPoll MakePoll() const { return CancelPoll(options_.cancel); }
+  const CancelToken& cancel() const { return options_.cancel; }
+
   /// Of the whole build the fraction `share` is done: each node hands its share to its children in
   /// proportion to their references.
   void AddDone(double share) {
     if (options_.progress != nullptr) options_.progress->Add(share);
   }
 
-  /// Success, or the reason why the build stopped.
+  /// Success, or the reason why the build stopped: whatever was left out was left out for that.
   Status Finish() {
-    if (stopped_.load(std::memory_order_relaxed)) return options_.cancel.ToError();
+    if (ShouldStop()) return options_.cancel.ToError();
     if (options_.progress != nullptr) options_.progress->Finish();
     return {};
   }

@@ -7,8 +7,7 @@
 namespace kdray::core {
 
 struct BuildOptions {
-  CancelToken cancel;  ///< looked at once per few thousand references; a stopped build leaves
-                       ///< nothing behind
+  CancelToken cancel;            ///< a stopped build leaves nothing behind
   Progress* progress = nullptr;  ///< may be null; reaches 1 at the end
 };
 

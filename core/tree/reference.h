@@ -15,6 +15,7 @@
 #include "core/geometry/bounds3.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/triangle_mesh.h"
+#include "core/tree/build_monitor.h"
 
 namespace kdray::core {
 
@@ -67,11 +68,11 @@ class ReferenceArray {
 };
 
 /// References of all triangles that are not degenerate, by ascending id; local coordinates, rounded
-/// outward.
-ReferenceArray MakeReferences(const TriangleMesh& mesh);
+/// outward. Anything once the monitor says stop; the same holds for what follows.
+ReferenceArray MakeReferences(const TriangleMesh& mesh, BuildMonitor* monitor = nullptr);
 
 /// The union of their bounds. Large spans are searched in parallel.
-Bounds3f UnionBounds(std::span<const Reference> references);
+Bounds3f UnionBounds(std::span<const Reference> references, BuildMonitor* monitor = nullptr);
 
 /// Work on many references is cut into pieces of this size, whatever the number of threads.
 inline constexpr std::size_t kReferenceChunk = 8192;
@@ -80,10 +81,13 @@ inline std::size_t ReferenceChunks(std::size_t references) {
   return (references + kReferenceChunk - 1) / kReferenceChunk;
 }
 
-/// f(chunk, number) for each of the ReferenceChunks(), possibly at the same time.
+/// f(chunk, number) for each of the ReferenceChunks(), possibly at the same time, until the monitor
+/// says stop.
 template <class F>
-void ForEachReferenceChunk(std::span<const Reference> references, const F& f) {
+void ForEachReferenceChunk(std::span<const Reference> references, BuildMonitor* monitor,
+                           const F& f) {
   ParallelFor(0, ReferenceChunks(references.size()), 1, [&](std::size_t number, std::size_t) {
+    if (monitor != nullptr && monitor->ShouldStop()) return;
     const std::size_t first = number * kReferenceChunk;
     f(references.subspan(first, std::min(kReferenceChunk, references.size() - first)), number);
   });
@@ -91,10 +95,11 @@ void ForEachReferenceChunk(std::span<const Reference> references, const F& f) {
 
 /// The sum of reduce(chunk) over all chunks, added up in order with T::Add.
 template <class T, class Reduce>
-T ReduceReferences(std::span<const Reference> references, const Reduce& reduce) {
+T ReduceReferences(std::span<const Reference> references, BuildMonitor* monitor,
+                   const Reduce& reduce) {
   if (references.size() <= kReferenceChunk) return reduce(references);
   std::vector<T> parts(ReferenceChunks(references.size()));
-  ForEachReferenceChunk(references,
+  ForEachReferenceChunk(references, monitor,
                         [&](auto chunk, std::size_t number) { parts[number] = reduce(chunk); });
   T total = parts.front();
   for (std::size_t i = 1; i < parts.size(); ++i) total.Add(parts[i]);

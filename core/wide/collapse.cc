@@ -102,7 +102,8 @@ struct Size {
 template <class View>
 class Collapser {
  public:
-  Collapser(const TriangleMesh& mesh, const View& binary) : mesh_(mesh), binary_(binary) {}
+  Collapser(const TriangleMesh& mesh, const View& binary, BuildMonitor* monitor)
+      : mesh_(mesh), binary_(binary), monitor_(*monitor) {}
 
   WideTree Make() {
     const std::uint32_t size = binary_.size();
@@ -110,9 +111,11 @@ class Collapser {
     forests_ = std::make_unique_for_overwrite<Forest[]>(size);
     sizes_ = std::make_unique_for_overwrite<Size[]>(size);
     PlanSubtree(0, size);
+    if (monitor_.ShouldStop()) return {};  // then some plans are missing; so on below
     wide_.bounds = Widen(binary_.Bounds(0));
     // Counted first: so every subtree knows its place, and subtrees can be written in parallel.
     wide_.stack_size = std::max<std::uint32_t>(1, Measure(0, size));
+    if (monitor_.ShouldStop()) return {};
     wide_.nodes.resize(sizes_[0].nodes);
     wide_.blocks.resize(sizes_[0].blocks);
     wide_.root = Emit(0, {});
@@ -128,6 +131,7 @@ class Collapser {
   // The nodes [i, end) are one subtree.
   void PlanSubtree(std::uint32_t i, std::uint32_t end) {
     if (end - i <= kTaskNodes) {
+      if (monitor_.ShouldStop()) return;
       for (std::uint32_t k = end; k-- > i;) Plan(k);
       return;
     }
@@ -263,8 +267,9 @@ class Collapser {
       size = {0, static_cast<std::uint32_t>(BlocksOf(binary_.Primitives(i).size()))};
       return 0;
     }
+    if (end - i > kTaskNodes && monitor_.ShouldStop()) return 0;
     const Children children = ChildrenOf(i);
-    std::array<std::uint32_t, kWidth> needs;
+    std::array<std::uint32_t, kWidth> needs{};
     ForEachChild(children, end - i, [&](std::size_t c) {
       // What lies between two children is empty.
       needs[c] = Measure(children.roots[c], c + 1 < children.size ? children.roots[c + 1] : end);
@@ -292,6 +297,9 @@ class Collapser {
   // Writes a subtree to its place; what a parent calls it by.
   std::uint32_t Emit(std::uint32_t i, Size place) {
     if (binary_.IsLeaf(i)) return EmitLeaf(binary_.Primitives(i), place.blocks);
+    // A wide node stands for some eight binary ones.
+    const std::size_t nodes = std::size_t{8} * sizes_[i].nodes;
+    if (nodes > kTaskNodes && monitor_.ShouldStop()) return WideChild::kEmpty;
     const Children children = ChildrenOf(i);
     const std::uint32_t index = place.nodes;
     WideNode& wide = wide_.nodes[index];
@@ -314,21 +322,22 @@ class Collapser {
       place.nodes += sizes_[children.roots[c]].nodes;
       place.blocks += sizes_[children.roots[c]].blocks;
     }
-    // A wide node stands for some eight binary ones.
-    ForEachChild(children, std::size_t{8} * sizes_[i].nodes,
+    ForEachChild(children, nodes,
                  [&](std::size_t c) { wide.child[c] = Emit(children.roots[c], places[c]); });
     return index;
   }
 
   std::uint32_t EmitLeaf(std::span<const PrimitiveId> ids, std::uint32_t first) {
     LeafBlock* block = &wide_.blocks[first];
+    const bool is_large = ids.size() > kTaskNodes;
     mesh_.VisitVertices([&](auto vertices) {
       for (std::size_t begin = 0; begin < ids.size(); begin += LeafBlock::kWidth) {
+        if (is_large && begin % kTaskNodes == 0 && monitor_.ShouldStop()) return;
         const std::size_t count = std::min(LeafBlock::kWidth, ids.size() - begin);
         FillBlock(ids.subspan(begin, count), vertices, block++);
       }
     });
-    block[-1].id[0] |= LeafBlock::kLast;
+    wide_.blocks[first + BlocksOf(ids.size()) - 1].id[0] |= LeafBlock::kLast;
     return first | WideChild::kLeafBit;
   }
 
@@ -349,6 +358,7 @@ class Collapser {
 
   const TriangleMesh& mesh_;
   const View& binary_;
+  BuildMonitor& monitor_;
   std::unique_ptr<Forest[]> forests_;
   std::unique_ptr<Size[]> sizes_;  // of the subtrees that become wide nodes or leaves
   WideTree wide_;
@@ -386,16 +396,16 @@ std::uint64_t CollapseBytes(const BoxList& box) {
   return BytesFor(1, 1, BlocksOf(box.primitives.size()));
 }
 
-WideTree Collapse(const TriangleMesh& mesh, const KdTree& tree) {
-  return Collapser(mesh, KdView(tree)).Make();
+WideTree Collapse(const TriangleMesh& mesh, const KdTree& tree, BuildMonitor* monitor) {
+  return Collapser(mesh, KdView(tree), monitor).Make();
 }
 
-WideTree Collapse(const TriangleMesh& mesh, const Bvh& bvh) {
-  return Collapser(mesh, BvhView(bvh)).Make();
+WideTree Collapse(const TriangleMesh& mesh, const Bvh& bvh, BuildMonitor* monitor) {
+  return Collapser(mesh, BvhView(bvh), monitor).Make();
 }
 
-WideTree Collapse(const TriangleMesh& mesh, const BoxList& box) {
-  return Collapser(mesh, BoxView(box)).Make();
+WideTree Collapse(const TriangleMesh& mesh, const BoxList& box, BuildMonitor* monitor) {
+  return Collapser(mesh, BoxView(box), monitor).Make();
 }
 
 }  // namespace kdray::core

@@ -7,6 +7,7 @@
 #include "core/bvh/bvh.h"
 #include "core/geometry/triangle_mesh.h"
 #include "core/kdtree/kd_tree.h"
+#include "core/tree/build_monitor.h"
 #include "core/wide/wide_tree.h"
 
 namespace kdray::core {
@@ -17,10 +18,10 @@ namespace kdray::core {
 /// Empty leaves vanish. O(nodes) time and memory; the same for any number of threads. Needs
 /// KdTree::node_bounds. Source: Wald, Benthin, Boulos 2008 (wide nodes from binary trees); Ylitie,
 /// Karras, Laine, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 2017,
-/// section 4.1 (the dynamic program).
-WideTree Collapse(const TriangleMesh& mesh, const KdTree& tree);
-WideTree Collapse(const TriangleMesh& mesh, const Bvh& bvh);
-WideTree Collapse(const TriangleMesh& mesh, const BoxList& box);
+/// section 4.1 (the dynamic program). Anything once the monitor says stop.
+WideTree Collapse(const TriangleMesh& mesh, const KdTree& tree, BuildMonitor* monitor);
+WideTree Collapse(const TriangleMesh& mesh, const Bvh& bvh, BuildMonitor* monitor);
+WideTree Collapse(const TriangleMesh& mesh, const BoxList& box, BuildMonitor* monitor);
 
 /// Upper bound of the memory that Collapse takes, its result included. O(nodes).
 std::uint64_t CollapseBytes(const KdTree& tree);

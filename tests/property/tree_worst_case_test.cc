@@ -36,7 +36,7 @@ Expense Build(const MeshData& data, BuildKind kind, core::Arena& arena) {
     const auto binary = core::BuildBinaryTree(mesh, kind);
     ASSERT_TRUE(binary.ok());
     promised = core::EstimateFinishBytes(*binary);
-    core::FinishTree(mesh, kind, *binary);
+    ASSERT_TRUE(core::FinishTree(mesh, kind, *binary).ok());
   });
   expense.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   expense.bytes = peak.bytes();

@@ -1,5 +1,6 @@
 #include "tests/support/cancel_probe.h"
 
+#include <gtest/gtest.h>
 #include <pthread.h>
 #include <time.h>
 
@@ -56,6 +57,13 @@ CancelledCall CancelAfter::Finish(core::Status status) {
   watcher_->is_over = true;
   watcher_->thread.join();
   return {watcher_->was_cancelled, now - watcher_->cancelled_at, std::move(status)};
+}
+
+void ExpectPrompt(const CancelledCall& call, const std::string& what) {
+  ASSERT_TRUE(call.was_cancelled) << what << ": over too early to say anything";
+  EXPECT_LT(call.late, kPromptly) << what;
+  ASSERT_FALSE(call.status.ok()) << what;
+  EXPECT_EQ(call.status.error().code, core::ErrorCode::kCancelled) << what;
 }
 
 core::CancelToken CancelledAtLook(std::uint64_t n) {

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "core/base/cancel.h"
@@ -55,6 +56,10 @@ CancelledCall CancelDuring(std::chrono::milliseconds after, const Call& call) {
   });
   return result;
 }
+
+/// Fails unless the call was cancelled while it worked, ended promptly, and said so. `what` names
+/// it in the message.
+void ExpectPrompt(const CancelledCall& call, const std::string& what);
 
 /// A token that is cancelled at its n-th look, the first being number 1.
 core::CancelToken CancelledAtLook(std::uint64_t n);

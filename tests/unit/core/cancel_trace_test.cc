@@ -2,7 +2,6 @@
 // the call works.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <memory>
@@ -11,7 +10,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/polled_sort.h"
 #include "core/scene/scene.h"
 #include "core/trace/crossings.h"
 #include "core/trace/trace.h"
@@ -32,8 +30,7 @@ using core::Ray;
 using core::Scene;
 using core::Status;
 using std::chrono::milliseconds;
-using test::CancelledCall;
-using test::kPromptly;
+using test::ExpectPrompt;
 
 constexpr core::Vec3d kApex = {0.1, 0.2, 0.3};
 
@@ -72,13 +69,6 @@ std::vector<Ray> Beam(const Scene& scene, std::size_t count) {
     rays[i].direction = middle + core::Vec3d{across, down, 0.0} - rays[i].origin;
   }
   return rays;
-}
-
-void ExpectPrompt(const CancelledCall& call, const std::string& what) {
-  ASSERT_TRUE(call.was_cancelled) << what << ": over too early to say anything";
-  EXPECT_LT(call.late, kPromptly) << what;
-  ASSERT_FALSE(call.status.ok()) << what;
-  EXPECT_EQ(call.status.error().code, ErrorCode::kCancelled) << what;
 }
 
 struct Query {
@@ -234,26 +224,6 @@ TEST(CancelledTrace, AnswersFullyOrNotAtAllWheneverItIsCancelled) {
       }
     }
     EXPECT_GT(cancelled, 3) << Name(engine);
-  }
-}
-
-TEST(PolledSort, OrdersAsStableSortDoes) {
-  // See the file's other tests for its polls; here for its answer.
-  std::vector<std::pair<int, int>> values;
-  for (int i = 0; i < 1000; ++i) values.push_back({(i * 7919) % 97, i});
-  const auto less = [](const auto& a, const auto& b) { return a.first < b.first; };
-  for (const std::size_t size : {0, 1, 2, 15, 16, 17, 33, 100, 1000}) {
-    for (const std::size_t keep : {0, 1, 5, 16, 40, 1000}) {
-      std::vector<std::pair<int, int>> sorted(values.begin(),
-                                              values.begin() + static_cast<std::ptrdiff_t>(size));
-      std::vector<std::pair<int, int>> expected = sorted;
-      std::stable_sort(expected.begin(), expected.end(), less);
-      core::CancelPoll never{CancelToken()};
-      ASSERT_TRUE(core::PolledPartialSort(std::span(sorted), keep, 1, &never, less));
-      for (std::size_t i = 0; i < std::min(size, keep); ++i) {
-        ASSERT_EQ(sorted[i], expected[i]) << size << " values, " << keep << " kept, place " << i;
-      }
-    }
   }
 }
 

@@ -45,7 +45,7 @@ std::vector<float> DrawAll(const std::vector<TreeCell>& cells, const Camera& cam
                            const LineStyle& style = kPlain) {
   const CellLines lines(cells, camera, region, style);
   std::vector<float> opacity(region.pixel_count());
-  lines.Draw(region, Surface(region, 1, surface_depth), 1, opacity);
+  EXPECT_TRUE(lines.Draw(region, Surface(region, 1, surface_depth), 1, opacity).ok());
   return opacity;
 }
 
@@ -98,7 +98,7 @@ TEST(CellLines, AreHiddenByTheShareOfSamplesInFront) {
   std::vector<Hit> hits = Surface(kWhole, 4, kNothing);
   for (std::size_t i = 0; i < hits.size(); i += 4) hits[i].t = 100;
   std::vector<float> opacity(kWhole.pixel_count());
-  lines.Draw(kWhole, hits, 4, opacity);
+  ASSERT_TRUE(lines.Draw(kWhole, hits, 4, opacity).ok());
   EXPECT_EQ(opacity[8 * 20 + 4], 0.75f);
 }
 
@@ -177,9 +177,11 @@ TEST(CellLines, GiveAPixelTheSameValueInEveryRegionAndTile) {
   for (const Region& region : {Region{0, 0, 160, 1}, {17, 31, 18, 32}, {5, 40, 150, 119}}) {
     const CellLines lines(cells, camera, region);
     for (const int side : {1, 13, 64}) {
-      for (const Tile& tile : CutIntoTiles(region, side)) {
+      const TileGrid tiles(region, side);
+      for (std::size_t t = 0; t < tiles.size(); ++t) {
+        const Tile tile = tiles[t];
         std::vector<float> opacity(tile.pixel_count());
-        lines.Draw(tile, Surface(tile, 1, 0.8), 1, opacity);
+        ASSERT_TRUE(lines.Draw(tile, Surface(tile, 1, 0.8), 1, opacity).ok());
         std::size_t i = 0;
         for (int y = tile.y0; y < tile.y1; ++y) {
           for (int x = tile.x0; x < tile.x1; ++x, ++i) {

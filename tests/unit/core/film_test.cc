@@ -28,7 +28,9 @@ TEST(Film, IsCutIntoTilesThatCoverEachPixelOnce) {
   const Region region = {3, 5, 103, 72};
   for (const int side : {1, 7, 32, 64, 500}) {
     Film<int> counts(region, 1);
-    for (const Tile& tile : CutIntoTiles(region, side)) {
+    const TileGrid tiles(region, side);
+    for (std::size_t t = 0; t < tiles.size(); ++t) {
+      const Tile tile = tiles[t];
       EXPECT_LE(tile.width(), side);
       EXPECT_LE(tile.height(), side);
       for (int y = tile.y0; y < tile.y1; ++y) {

@@ -25,7 +25,7 @@ std::vector<std::uint8_t> RandomPixels(int width, int height, int channels) {
 
 TEST(PngWriter, WritesWhatAnotherLibraryReads) {
   for (const auto& [width, height] :
-       {std::pair{1, 1}, {7, 3}, {640, 480}, {16384, 2}, {2, 16384}}) {
+       {std::pair{1, 1}, {7, 3}, {640, 480}, {16384, 2}, {2, 16384}, {16384, 200}}) {
     for (const int channels : {3, 4}) {
       const std::vector<std::uint8_t> pixels = RandomPixels(width, height, channels);
       const Result<std::vector<std::byte>> png = EncodePng(pixels, width, height, channels);
