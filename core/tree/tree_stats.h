@@ -13,8 +13,8 @@ struct TreeStats {
   std::uint64_t empty_leaves = 0;
   std::uint64_t references = 0;  ///< triangles over all leaves; one may lie in several
   std::uint32_t max_depth = 0;   ///< of the binary tree; the root has depth 0
-  std::vector<std::uint64_t>
-      leaf_histogram;       ///< [n] = leaves with n triangles; as long as the fullest leaf needs
+  /// [n] = leaves with n triangles, n <= 64; [65] = all larger ones. As long as the fullest needs.
+  std::vector<std::uint64_t> leaf_histogram;
   std::uint64_t bytes = 0;  ///< memory of the tree without vertices and indices
   double sah_cost =
       0;  ///< expected cost of a random ray that crosses the bounds, in traversal steps
