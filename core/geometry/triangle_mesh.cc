@@ -197,15 +197,10 @@ Result<TriangleMesh> TriangleMesh::Create(const MeshData& data, const CancelToke
   mesh.frame_ = ChooseFrame(mesh.bounds_);
 
   bool all_floats = true;
-<<<<<<< HEAD
-  ForEachUsed(data, used, [&](const Vec3d& p) {
+  ForEachUsed(data, used, &poll, [&](const Vec3d& p) {
     all_floats = all_floats && IsFloat(mesh.frame_.ToLocal(p));
     mesh.has_rounded_vertices_ = mesh.has_rounded_vertices_ || !IsExactIn(mesh.frame_, p);
   });
-=======
-  ForEachUsed(data, used, &poll,
-              [&](const Vec3d& p) { all_floats = all_floats && IsFloat(mesh.frame_.ToLocal(p)); });
->>>>>>> 7dc5e2b (core: poll by work done in meshes, builds, cells and pictures)
   if (all_floats) {
     mesh.vertices_ = LocalVertices<float>(data, used, mesh.frame_, &poll);
   } else {
