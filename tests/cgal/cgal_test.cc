@@ -1,16 +1,23 @@
 // The precision `exact` against CGAL's AABB tree with an exact kernel: the same closest triangle,
 // and its t, on random and on degenerate rays. CGAL knows nothing of ours: not its frame, filters
 // or trees. (Its licence keeps it out of all but tests.)
-#include <CGAL/AABB_traits.h>
 #include <CGAL/AABB_tree.h>
-#include <CGAL/AABB_triangle_primitive.h>
 #include <CGAL/Exact_predicates_exact_constructions_kernel.h>
+#include <CGAL/version.h>
+#if CGAL_VERSION_MAJOR >= 6
+#include <CGAL/AABB_traits_3.h>
+#include <CGAL/AABB_triangle_primitive_3.h>
+#else
+#include <CGAL/AABB_traits.h>
+#include <CGAL/AABB_triangle_primitive.h>
+#endif
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstdio>
 #include <limits>
 #include <optional>
+#include <variant>
 #include <vector>
 
 #include "core/trace/brute_force.h"
@@ -28,8 +35,18 @@ using namespace core;
 
 using Kernel = CGAL::Exact_predicates_exact_constructions_kernel;
 using Triangles = std::vector<Kernel::Triangle_3>;
+#if CGAL_VERSION_MAJOR >= 6  // Debian 13: names with the dimension, variants of the standard
+using Primitive = CGAL::AABB_triangle_primitive_3<Kernel, Triangles::const_iterator>;
+using CgalTree = CGAL::AABB_tree<CGAL::AABB_traits_3<Kernel, Primitive>>;
+using std::get_if;
+#else
 using Primitive = CGAL::AABB_triangle_primitive<Kernel, Triangles::const_iterator>;
 using CgalTree = CGAL::AABB_tree<CGAL::AABB_traits<Kernel, Primitive>>;
+template <class T, class Variant>
+const T* get_if(const Variant* variant) {
+  return boost::get<T>(variant);
+}
+#endif
 
 Kernel::Point_3 ToPoint(const Vec3d& v) { return {v.x, v.y, v.z}; }
 
@@ -60,7 +77,7 @@ class CgalMesh {
     tree_.all_intersections(Kernel::Ray_3(origin, direction), std::back_inserter(found));
     Closest best;
     for (const auto& [place, primitive] : found) {
-      const Kernel::Point_3* point = boost::get<Kernel::Point_3>(&place);
+      const Kernel::Point_3* point = get_if<Kernel::Point_3>(&place);
       if (point == nullptr) continue;
       const Kernel::FT t = ((*point - origin) * direction) / direction.squared_length();
       const PrimitiveId id = ids_[static_cast<std::size_t>(primitive - triangles_.cbegin())];
