@@ -288,9 +288,14 @@ bool IsListOfPoints(std::string_view text) {
   return points > 0;
 }
 
-bool HasLostItsLineBreaks(std::string_view text) {
-  return text.size() >= kShortestMesh &&
-         text.find_first_of(std::string_view("\r\n\0", 3)) == std::string_view::npos;
+bool HasLostItsLineBreaks(std::string_view text, CancelPoll* poll) {
+  if (text.size() < kShortestMesh) return false;
+  for (std::size_t begin = 0; begin < text.size(); begin += kLookBytes) {
+    const std::string_view piece = text.substr(begin, kLookBytes);
+    if (piece.find_first_of(std::string_view("\r\n\0", 3)) != std::string_view::npos) return false;
+    if (poll->Spend(kLookBytes)) return false;
+  }
+  return true;
 }
 
 }  // namespace kdray::core

@@ -6,6 +6,8 @@
 #include <optional>
 #include <string_view>
 
+#include "core/base/cancel_poll.h"
+
 namespace kdray::core {
 
 struct ForeignFile {
@@ -27,8 +29,8 @@ inline constexpr std::string_view kNoFacesAdvice =
     "points have no surface, send a mesh with faces (made from the points, if need be)";
 
 /// True for a text of some length without a line break, which is what `curl -d @FILE` makes of a
-/// text file. O(text).
-bool HasLostItsLineBreaks(std::string_view text);
+/// text file. O(text); when the poll has stopped, the answer means nothing.
+bool HasLostItsLineBreaks(std::string_view text, CancelPoll* poll);
 
 /// What to say of such a text.
 inline constexpr std::string_view kLineBreaksAdvice =

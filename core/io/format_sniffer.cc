@@ -73,13 +73,15 @@ bool IsBinary(std::string_view bytes) {
   });
 }
 
-Error Unknown(std::string_view all, std::string_view text) {
+Error Unknown(std::string_view all, std::string_view text, CancelPoll* poll) {
   if (IsListOfPoints(text)) {
     return UnsupportedFormat("a list of points", kNoFacesAdvice);
   }
-  if (HasLostItsLineBreaks(text)) {
+  if (HasLostItsLineBreaks(text, poll)) {
     return UnsupportedFormat("of no format that is known here", kLineBreaksAdvice);
   }
+  constexpr std::size_t kQuotedBytes = 80;  // more than Quoted shows
+  all = all.substr(0, kQuotedBytes);
   const std::string_view first = all.substr(0, std::min(all.find_first_of("\r\n"), all.size()));
   return UnsupportedFormat("of no format that is known here (they begin with " + Quoted(first) +
                            ")");
@@ -93,31 +95,31 @@ Error UnsupportedFormat(std::string_view what, std::string_view advice) {
   return Error{ErrorCode::kUnsupportedMeshFormat, message + "; the formats are obj, ply, stl, off"};
 }
 
-Result<MeshFormat> FindFormat(std::string_view bytes) {
+Result<MeshFormat> FindFormat(std::string_view bytes, CancelPoll* poll) {
   // Before anything else, because the header of a binary STL may read like any other format.
   if (HasBinaryStlSize(std::as_bytes(std::span(bytes)))) return MeshFormat::kStl;
   if (const std::optional<ForeignFile> foreign = FindForeignFile(bytes)) {
     return UnsupportedFormat(foreign->name, foreign->advice);
   }
-  const std::string_view text = WithoutPadding(SkipByteOrderMark(bytes));
+  const std::string_view text = WithoutPadding(SkipByteOrderMark(bytes), poll);
   if (text.starts_with("ply") && (text.size() == 3 || text[3] <= ' ')) return MeshFormat::kPly;
   if (text.starts_with("plyformat") || text.starts_with("plycomment")) {
     return UnsupportedFormat("a PLY file without its line breaks", kLineBreaksAdvice);
   }
 
-  TextCursor cursor(text, {.hash_comments = true});
+  TextCursor cursor(text, {.hash_comments = true}, 1, poll);
   if (!cursor.FindLineWithWords()) {
     std::string message = "the mesh holds nothing but blanks and comments";
-    if (HasLostItsLineBreaks(text)) message += "; " + std::string(kLineBreaksAdvice);
+    if (HasLostItsLineBreaks(text, poll)) message += "; " + std::string(kLineBreaksAdvice);
     return Error{ErrorCode::kEmptyMesh, message};
   }
   if (const std::optional<MeshFormat> format = FindByFirstStatement(cursor)) return *format;
   // What is no text, and not known otherwise, can only be a binary STL whose count is wrong.
   if (IsBinary(bytes.substr(0, 84))) {
-    return bytes.size() >= 84 ? Result<MeshFormat>(MeshFormat::kStl) : Unknown(bytes, text);
+    return bytes.size() >= 84 ? Result<MeshFormat>(MeshFormat::kStl) : Unknown(bytes, text, poll);
   }
   if (const std::optional<MeshFormat> format = FindByAnyStatement(text)) return *format;
-  return Unknown(bytes, text);
+  return Unknown(bytes, text, poll);
 }
 
 }  // namespace kdray::core

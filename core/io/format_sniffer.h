@@ -4,6 +4,7 @@
 #include <optional>
 #include <string_view>
 
+#include "core/base/cancel_poll.h"
 #include "core/base/result.h"
 #include "core/geometry/triangle_mesh.h"
 
@@ -15,8 +16,8 @@ namespace kdray::core {
 /// line that is surely one of OBJ or STL, whatever stands before it, in the first MiB; bytes that
 /// are no text, which only a binary STL can be. Errors: kUnsupportedMeshFormat, with what the bytes
 /// are, what to send instead and which formats there are; kEmptyMesh for blanks and comments. O(1),
-/// except for comments and blank lines in front.
-Result<MeshFormat> FindFormat(std::string_view bytes);
+/// except for comments and blanks. When the poll has stopped, the answer means nothing.
+Result<MeshFormat> FindFormat(std::string_view bytes, CancelPoll* poll);
 
 /// kUnsupportedMeshFormat for bytes that are `what`.
 Error UnsupportedFormat(std::string_view what, std::string_view advice = {});

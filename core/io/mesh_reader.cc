@@ -3,6 +3,7 @@
 #include <string>
 #include <string_view>
 
+#include "core/base/cancel_poll.h"
 #include "core/io/foreign_files.h"
 #include "core/io/format_sniffer.h"
 #include "core/io/mesh_error.h"
@@ -34,14 +35,20 @@ Result<MeshData> ReadAs(MeshFormat format, std::span<const std::byte> bytes,
 Result<MeshData> ReadMesh(std::span<const std::byte> bytes, const MeshReadOptions& options) {
   if (bytes.empty()) return Error{ErrorCode::kEmptyMesh, "the mesh has no bytes"};
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  const Result<MeshFormat> format = FindFormat(text);
+  CancelPoll poll(options.cancel);
+  const Result<MeshFormat> format = FindFormat(text, &poll);
+  if (poll.stopped()) return poll.ToError();
   if (!format.ok()) return format.error();
   Result<MeshData> mesh = ReadAs(*format, bytes, options);
-  if (!mesh.ok() && IsOfTheFile(mesh.error()) && HasLostItsLineBreaks(text)) {
+  // A text that is not walked through to its end because of the token looks like a shorter text to
+  // the rest of its reader.
+  if (options.cancel.ShouldStop()) return options.cancel.ToError();
+  if (!mesh.ok() && IsOfTheFile(mesh.error()) && HasLostItsLineBreaks(text, &poll)) {
     Error error = std::move(mesh).error();
     error.message += "; " + std::string(kLineBreaksAdvice);
     return error;
   }
+  if (poll.stopped()) return poll.ToError();
   return mesh;
 }
 

@@ -78,14 +78,14 @@ class ObjReader {
   // Calls handle(keyword, cursor) for each statement, the cursor behind the keyword.
   template <class F>
   Status ForEachStatement(F&& handle) {
-    TextCursor cursor(text_, {.hash_comments = true, .continuation = true});
+    TextCursor cursor(text_, {.hash_comments = true, .continuation = true}, 1, &cancel_);
     while (cursor.FindLineWithWords()) {
       const std::string_view keyword = cursor.NextWord();
       if (Status status = handle(keyword, cursor); !status.ok()) return status;
       NextStatement(keyword, cursor);
-      if (cancel_.Spend(64)) return cancel_.ToError();
+      if (cancel_.Spend(64)) break;
     }
-    return {};
+    return cancel_.ToStatus();
   }
 
   // A backslash joins the next line to this one, but after a name only when that line is not a
@@ -203,7 +203,8 @@ class ObjReader {
 
 Result<MeshData> ReadObj(std::span<const std::byte> bytes, const MeshReadOptions& options) {
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  return ObjReader(WithoutPadding(SkipByteOrderMark(text)), options).Read();
+  CancelPoll poll(options.cancel);
+  return ObjReader(WithoutPadding(SkipByteOrderMark(text), &poll), options).Read();
 }
 
 bool IsObjKeyword(std::string_view word) {

@@ -26,6 +26,7 @@ struct Keyword {
 };
 
 std::optional<Keyword> ParseKeyword(std::string_view word) {
+  if (word.size() > kLongestNumber) return std::nullopt;
   Keyword keyword;
   const auto pass = [&](std::string_view prefix) {
     if (!word.starts_with(prefix)) return false;
@@ -66,11 +67,11 @@ enum class Layout : std::uint8_t {
 class OffReader {
  public:
   OffReader(std::string_view text, const MeshReadOptions& options)
-      : cursor_(text, {.hash_comments = true}),
+      : options_(options),
+        cancel_(options.cancel),
+        cursor_(text, {.hash_comments = true}, 1, &cancel_),
         body_(cursor_),
         file_bytes_(text.size()),
-        options_(options),
-        cancel_(options.cancel),
         cutter_(&data_, options.cancel) {}
 
   // Nearly every file has its rows on lines of their own, and there a broken row can be told from
@@ -318,11 +319,11 @@ class OffReader {
     });
   }
 
+  const MeshReadOptions& options_;
+  CancelPoll cancel_;
   TextCursor cursor_;
   TextCursor body_;  // behind the counts
   std::size_t file_bytes_;
-  const MeshReadOptions& options_;
-  CancelPoll cancel_;
   bool has_keyword_ = false;
   std::uint64_t numbers_ = 3;  // of a vertex, as the keyword announces
   std::uint64_t vertices_ = 0;
@@ -337,8 +338,11 @@ class OffReader {
 }  // namespace
 
 Result<MeshData> ReadOff(std::span<const std::byte> bytes, const MeshReadOptions& options) {
-  const std::string_view text = WithoutPadding(SkipByteOrderMark(
-      std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size())));
+  CancelPoll poll(options.cancel);
+  const std::string_view text =
+      WithoutPadding(SkipByteOrderMark(std::string_view(reinterpret_cast<const char*>(bytes.data()),
+                                                        bytes.size())),
+                     &poll);
   OffReader reader(text, options);
   Result<MeshData> mesh = reader.Read();
   if (!mesh.ok() && !reader.has_keyword() && IsOfTheFile(mesh.error()) && IsListOfPoints(text)) {

@@ -6,26 +6,17 @@
 #include <cmath>
 #include <limits>
 #include <system_error>
+#include <utility>
 
 #include "core/io/mesh_error.h"
 
 namespace kdray::core {
 namespace {
 
-enum class Kind : std::uint8_t { kWord, kBlank, kLineEnd };
-
-Kind KindOf(char c) {
-  static constexpr std::array<Kind, 256> kKinds = [] {
-    std::array<Kind, 256> kinds{};
-    for (const char blank : {' ', '\t', '\v', '\f'}) {
-      kinds[static_cast<unsigned char>(blank)] = Kind::kBlank;
-    }
-    kinds['\n'] = Kind::kLineEnd;
-    kinds['\r'] = Kind::kLineEnd;
-    return kinds;
-  }();
-  return kKinds[static_cast<unsigned char>(c)];
-}
+// What is passed between two looks at the poll, in bytes.
+constexpr std::size_t kPiece = std::size_t{1} << 16;
+// What memchr passes in one unit of work, rounded down.
+constexpr std::size_t kSearchedBytes = 8;
 
 std::string_view WithoutPlus(std::string_view word) {
   const bool has_plus = word.size() > 1 && word[0] == '+' && word[1] != '-' && word[1] != '+';
@@ -67,6 +58,7 @@ bool IsTooSmall(std::string_view number) {
 // What std::from_chars reads, with a number that is too small as 0 and one that is too large as
 // infinity.
 std::optional<double> ReadDouble(std::string_view word) {
+  if (word.size() > kLongestNumber) return std::nullopt;
   word = WithoutPlus(word);
   double value = 0;
   const char* const end = word.data() + word.size();
@@ -79,8 +71,14 @@ std::optional<double> ReadDouble(std::string_view word) {
   return value;
 }
 
+std::string TooLong(std::string_view word) {
+  return "a number of " + std::to_string(word.size()) + " characters; at most " +
+         std::to_string(kLongestNumber) + " are read";
+}
+
 // Microsoft's older run-time library prints "1.#QNAN", "-1.#IND00", "1.#INF".
 std::optional<double> ReadMicrosoftNonFinite(std::string_view word) {
+  if (word.size() > kLongestNumber) return std::nullopt;
   const bool negative = word.starts_with('-');
   if (negative || word.starts_with('+')) word.remove_prefix(1);
   if (!word.starts_with("1.#")) return std::nullopt;
@@ -96,12 +94,36 @@ std::optional<double> ReadMicrosoftNonFinite(std::string_view word) {
 
 }  // namespace
 
-TextCursor::TextCursor(std::string_view text, Syntax syntax, std::uint64_t first_line)
-    : text_(text), syntax_(syntax), line_(first_line), next_lf_(Find('\n')), next_cr_(Find('\r')) {}
+inline TextCursor::Kind TextCursor::KindOf(char c) {
+  static constexpr std::array<Kind, 256> kKinds = [] {
+    std::array<Kind, 256> kinds{};
+    for (const char blank : {' ', '\t', '\v', '\f'}) {
+      kinds[static_cast<unsigned char>(blank)] = Kind::kBlank;
+    }
+    kinds['\n'] = Kind::kLineEnd;
+    kinds['\r'] = Kind::kLineEnd;
+    return kinds;
+  }();
+  return kKinds[static_cast<unsigned char>(c)];
+}
+
+TextCursor::TextCursor(std::string_view text, Syntax syntax, std::uint64_t first_line,
+                       CancelPoll* poll)
+    : text_(text),
+      syntax_(syntax),
+      poll_(poll),
+      line_(first_line),
+      next_lf_(Find('\n')),
+      next_cr_(Find('\r')) {}
 
 // The position of the next c, or the end of the text.
-std::size_t TextCursor::Find(char c) const {
-  return std::min(text_.find(c, position_), text_.size());
+std::size_t TextCursor::Find(char c) {
+  for (std::size_t begin = position_; begin < text_.size(); begin += kPiece) {
+    const std::size_t found = text_.substr(begin, kPiece).find(c);
+    if (Charge(std::min(found, kPiece) / kSearchedBytes)) break;
+    if (found != std::string_view::npos) return begin + found;
+  }
+  return text_.size();
 }
 
 std::size_t TextCursor::LineEnd() {
@@ -117,10 +139,28 @@ void TextCursor::PassLineEnd() {
   ++line_;
 }
 
+inline void TextCursor::PassAll(Kind kind) {
+  const char* const text = text_.data();
+  const std::size_t end = position_ + std::min(kPiece, text_.size() - position_);
+  std::size_t i = position_;
+  while (i < end && KindOf(text[i]) == kind) ++i;
+  position_ = i;
+  if (i == end && end < text_.size()) [[unlikely]]
+    PassMore(kind);
+}
+
+void TextCursor::PassMore(Kind kind) {
+  while (!AtEnd() && KindOf(text_[position_]) == kind) {
+    if (position_ % kPiece == 0 && Charge(kPiece)) return;
+    ++position_;
+  }
+}
+
 void TextCursor::SkipBlanks() {
   for (;;) {
-    while (!AtEnd() && KindOf(text_[position_]) == Kind::kBlank) ++position_;
+    PassAll(Kind::kBlank);
     if (!syntax_.continuation || AtEnd() || text_[position_] != '\\') return;
+    if (Charge(8)) return;
     if (position_ + 1 < text_.size() && KindOf(text_[position_ + 1]) != Kind::kLineEnd) return;
     ++position_;
     PassLineEnd();
@@ -128,6 +168,8 @@ void TextCursor::SkipBlanks() {
 }
 
 std::string_view TextCursor::NextWord() {
+  // A short word takes a time too.
+  if (Charge(16)) return {};
   SkipBlanks();
   if (AtEnd()) return {};
   if (syntax_.hash_comments && text_[position_] == '#') {
@@ -135,7 +177,7 @@ std::string_view TextCursor::NextWord() {
     return {};
   }
   const std::size_t begin = position_;
-  while (!AtEnd() && KindOf(text_[position_]) == Kind::kWord) ++position_;
+  PassAll(Kind::kWord);
   // A continuation may touch the word: the word ends there.
   const bool ends_line = AtEnd() || KindOf(text_[position_]) == Kind::kLineEnd;
   if (syntax_.continuation && ends_line && position_ > begin && text_[position_ - 1] == '\\') {
@@ -160,19 +202,22 @@ void TextCursor::NextLine() {
 bool TextCursor::NextPhysicalLine() {
   const std::size_t begin = position_;
   position_ = LineEnd();
-  std::size_t first = begin;
-  while (first < position_ && KindOf(text_[first]) == Kind::kBlank) ++first;
-  const bool comment = syntax_.hash_comments && first < position_ && text_[first] == '#';
-  const bool joins =
-      syntax_.continuation && !comment && position_ > begin && text_[position_ - 1] == '\\';
+  bool joins = syntax_.continuation && position_ > begin && text_[position_ - 1] == '\\';
+  if (joins && syntax_.hash_comments) {
+    const std::size_t end = std::exchange(position_, begin);
+    PassAll(Kind::kBlank);
+    const bool comment = position_ < end && text_[position_] == '#';
+    joins = !comment;
+    position_ = end;
+  }
   PassLineEnd();
-  return joins && !AtEnd();
+  return !Charge(8) && joins && !AtEnd();
 }
 
 bool TextCursor::FindLineWithWords() {
   for (;;) {
     SkipBlanks();
-    if (AtEnd()) return false;
+    if (Charge(8) || AtEnd()) return false;
     const bool comment = syntax_.hash_comments && text_[position_] == '#';
     if (!comment && KindOf(text_[position_]) == Kind::kWord) return true;
     position_ = LineEnd();
@@ -192,6 +237,7 @@ std::optional<double> ParseCoordinate(std::string_view word) {
 
 std::string WhyNotNumber(std::string_view word) {
   if (word.empty()) return "a number is missing";
+  if (word.size() > kLongestNumber) return TooLong(word);
   const std::string_view number = WithoutPlus(word);
   double value = 0;
   const char* const end = number.data() + number.size();
@@ -204,6 +250,7 @@ std::string WhyNotNumber(std::string_view word) {
 }
 
 std::optional<std::int64_t> ParseInteger(std::string_view word) {
+  if (word.size() > kLongestNumber) return std::nullopt;
   word = WithoutPlus(word);
   std::int64_t value = 0;
   const char* const end = word.data() + word.size();
@@ -214,10 +261,12 @@ std::optional<std::int64_t> ParseInteger(std::string_view word) {
 
 std::string WhyNotInteger(std::string_view word) {
   if (word.empty()) return "an integer is missing";
+  if (word.size() > kLongestNumber) return TooLong(word);
   return Quoted(word) + " is not an integer of 64 bits";
 }
 
 std::optional<std::int64_t> ParseCount(std::string_view word) {
+  if (word.size() > kLongestNumber) return std::nullopt;
   const std::size_t point = word.find('.');
   if (point != std::string_view::npos && point > 0 &&
       word.find_first_not_of('0', point + 1) == std::string_view::npos) {
@@ -226,12 +275,16 @@ std::optional<std::int64_t> ParseCount(std::string_view word) {
   return ParseInteger(word);
 }
 
-std::string_view WithoutPadding(std::string_view text) {
-  constexpr std::string_view kBlanksAndPadding("\0\x1a \t\r\n", 6);
-  constexpr std::string_view kPadding("\0\x1a", 2);
-  const std::size_t last = text.find_last_not_of(kBlanksAndPadding);
-  const std::size_t padding = text.find_first_of(kPadding, last == text.npos ? 0 : last + 1);
-  return text.substr(0, padding);
+std::string_view WithoutPadding(std::string_view text, CancelPoll* poll) {
+  std::size_t end = text.size();  // where the padding begins, as far as it is known
+  for (std::size_t i = text.size(); i > 0; --i) {
+    const char c = text[i - 1];
+    const bool padding = c == '\0' || c == '\x1a';
+    if (!padding && c != ' ' && c != '\t' && c != '\r' && c != '\n') break;
+    if (padding) end = i - 1;
+    if (i % kPiece == 0 && poll->Spend(kPiece)) break;
+  }
+  return text.substr(0, end);
 }
 
 std::string_view SkipByteOrderMark(std::string_view text) {

@@ -7,6 +7,8 @@
 #include <string>
 #include <string_view>
 
+#include "core/base/cancel_poll.h"
+
 namespace kdray::core {
 
 /// Walks through a text by words and lines. A line ends with LF, CR LF or CR; words are separated
@@ -19,8 +21,11 @@ class TextCursor {
     bool continuation = false;   ///< a backslash at the end of a line joins the next line to it
   };
 
-  /// `first_line`: the number of the text's first line in its file.
-  TextCursor(std::string_view text, Syntax syntax, std::uint64_t first_line = 1);
+  /// `first_line`: the number of the text's first line in its file. `poll` is charged for what is
+  /// passed, by this cursor and by its copies, and outlives them. Once it has stopped, the cursor
+  /// is at the end of its text: loops end, and what they found means nothing.
+  TextCursor(std::string_view text, Syntax syntax, std::uint64_t first_line = 1,
+             CancelPoll* poll = nullptr);
 
   /// The next word of this line; empty at its end.
   std::string_view NextWord();
@@ -43,13 +48,28 @@ class TextCursor {
   std::uint64_t line() const { return line_; }
 
  private:
-  std::size_t Find(char c) const;
+  enum class Kind : std::uint8_t { kWord, kBlank, kLineEnd };
+  static Kind KindOf(char c);
+
+  // Counts that work. Once it is time to stop, returns true, and the cursor is at the end.
+  bool Charge(std::uint64_t work) {
+    if (poll_ == nullptr || !poll_->Spend(work)) [[likely]] {
+      return false;
+    }
+    position_ = text_.size();
+    return true;
+  }
+  std::size_t Find(char c);
   std::size_t LineEnd();
   void PassLineEnd();
+  // To the first character of another kind.
+  void PassAll(Kind kind);
+  void PassMore(Kind kind);
   void SkipBlanks();
 
   std::string_view text_;
   Syntax syntax_;
+  CancelPoll* poll_;
   std::size_t position_ = 0;
   std::uint64_t line_;
   // The LF and the CR that follow, or followed when last looked for. Kept, so that a file with CR
@@ -57,6 +77,9 @@ class TextCursor {
   std::size_t next_lf_;
   std::size_t next_cr_;
 };
+
+/// A longer word is not a number: reading it could not be interrupted.
+inline constexpr std::size_t kLongestNumber = std::size_t{1} << 16;
 
 /// A whole word as a finite decimal number, rounded to the nearest double; too small a number
 /// becomes 0. Nothing for anything else: an empty or half-read word, "nan", "inf", hexadecimal, a
@@ -79,7 +102,8 @@ std::string WhyNotInteger(std::string_view word);
 std::optional<std::int64_t> ParseCount(std::string_view word);
 
 /// The text without what pads a file at its end: NUL bytes, and the Ctrl-Z that ends a text in DOS.
-std::string_view WithoutPadding(std::string_view text);
+/// Any part of the text when the poll has stopped.
+std::string_view WithoutPadding(std::string_view text, CancelPoll* poll);
 
 /// The text without a UTF-8 byte order mark in front.
 std::string_view SkipByteOrderMark(std::string_view text);

@@ -20,8 +20,8 @@ std::string TooLong(std::int64_t items, std::size_t remaining) {
          std::to_string(remaining) + " bytes that are left";
 }
 
-TextCursor BodyCursor(std::string_view text, const PlyHeader& header) {
-  return TextCursor(text.substr(header.body), {.hash_comments = true}, header.body_line);
+TextCursor BodyCursor(std::string_view text, const PlyHeader& header, CancelPoll* poll) {
+  return TextCursor(text.substr(header.body), {.hash_comments = true}, header.body_line, poll);
 }
 
 bool IsRemark(std::string_view word) {
@@ -42,8 +42,9 @@ bool FindRow(TextCursor& cursor) {
 
 }  // namespace
 
-PlyAsciiBody::PlyAsciiBody(std::string_view text, const PlyHeader& header, PlyLayout layout)
-    : cursor_(BodyCursor(text, header)), layout_(layout) {}
+PlyAsciiBody::PlyAsciiBody(std::string_view text, const PlyHeader& header, PlyLayout layout,
+                           CancelPoll* poll)
+    : cursor_(BodyCursor(text, header, poll)), layout_(layout) {}
 
 bool PlyAsciiBody::Fail(Error cause) {
   error_ = AtLine(cursor_.line(), std::move(cause));
@@ -123,19 +124,17 @@ bool PlyAsciiBody::SkipItems(PlyType, std::uint64_t count) {
 Result<PlyLines> CountPlyLines(std::string_view text, const PlyHeader& header, std::uint64_t most,
                                const CancelToken& cancel) {
   CancelPoll poll(cancel);
-  TextCursor cursor = BodyCursor(text, header);
+  TextCursor cursor = BodyCursor(text, header, &poll);
   PlyLines lines;
   std::uint64_t first = 0;
   std::uint64_t last = 0;
   for (; lines.count < most && FindRow(cursor); cursor.NextLine()) {
     lines.even = lines.even && last == first;
     last = 0;
-    while (!cursor.NextWord().empty()) {
-      ++last;
-      if (poll.Spend(64)) return poll.ToError();
-    }
+    while (!cursor.NextWord().empty()) ++last;
     if (lines.count++ == 0) first = last;
   }
+  if (poll.stopped()) return poll.ToError();
   lines.even = lines.even && last <= first;
   return lines;
 }

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/base/cancel.h"
+#include "core/base/cancel_poll.h"
 #include "core/base/result.h"
 #include "core/io/parse_text.h"
 #include "core/io/ply_header.h"
@@ -31,8 +32,8 @@ class PlyAsciiBody {
  public:
   static constexpr bool kIsText = true;
 
-  /// `text`: the whole file.
-  PlyAsciiBody(std::string_view text, const PlyHeader& header, PlyLayout layout);
+  /// `text`: the whole file. `poll`: as TextCursor takes it.
+  PlyAsciiBody(std::string_view text, const PlyHeader& header, PlyLayout layout, CancelPoll* poll);
 
   /// The least bytes that a row of this element takes.
   static std::size_t LeastBytes(const PlyElement& element) { return 2 * element.properties.size(); }

@@ -46,10 +46,13 @@ std::optional<PlyFormat> ParseFormat(std::string_view word) {
   return std::nullopt;
 }
 
+// A longer line without the keyword of a remark is none.
+constexpr std::size_t kLongestRemark = std::size_t{1} << 16;
+
 class HeaderParser {
  public:
-  explicit HeaderParser(std::string_view text) : text_(text) {
-    const std::size_t end = text.find_first_of("\r\n");
+  HeaderParser(std::string_view text, CancelPoll* poll) : text_(text), poll_(poll) {
+    const std::size_t end = std::min(text.find('\r'), text.find('\n'));
     const bool only_cr =
         end != std::string_view::npos && text[end] == '\r' && text.substr(end, 2) != "\r\n";
     line_end_ = only_cr ? '\r' : '\n';
@@ -62,6 +65,7 @@ class HeaderParser {
         return AtLine(line_ + 1, "the PLY header has no end_header");
       }
       std::string_view line = text_.substr(position_, end - position_);
+      if (poll_->Spend(64 + line.size() / 8)) return poll_->ToError();
       if (line.ends_with('\r')) line.remove_suffix(1);
       position_ = end + 1;
       ++line_;
@@ -81,7 +85,7 @@ class HeaderParser {
   }
 
   Status ParseLine(std::string_view line) {
-    TextCursor words(line, {});
+    TextCursor words(line, {}, 1, poll_);
     const std::string_view keyword = words.NextWord();
     if (line_ == 1) {
       if (keyword != "ply") return Broken("a PLY file begins with 'ply'");
@@ -102,11 +106,12 @@ class HeaderParser {
   }
 
   // Text that cannot be meant as a declaration: those name a type, `list`, or end with a count.
-  static bool IsRemark(std::string_view line) {
+  bool IsRemark(std::string_view line) const {
+    if (line.size() > kLongestRemark) return false;
     const bool is_text = std::all_of(line.begin(), line.end(), [](char c) {
       return static_cast<unsigned char>(c) >= ' ' || c == '\t';
     });
-    TextCursor words(line, {});
+    TextCursor words(line, {}, 1, poll_);
     words.NextWord();
     const std::string_view second = words.NextWord();
     const bool is_element = ParseInteger(words.NextWord()) && words.NextWord().empty();
@@ -176,6 +181,7 @@ class HeaderParser {
   }
 
   std::string_view text_;
+  CancelPoll* poll_;
   char line_end_ = '\n';
   std::size_t position_ = 0;
   std::uint64_t line_ = 0;
@@ -201,6 +207,10 @@ const PlyElement* PlyHeader::Find(std::string_view element) const {
   return nullptr;
 }
 
-Result<PlyHeader> ParsePlyHeader(std::string_view text) { return HeaderParser(text).Parse(); }
+Result<PlyHeader> ParsePlyHeader(std::string_view text, CancelPoll* poll) {
+  Result<PlyHeader> header = HeaderParser(text, poll).Parse();
+  if (poll->stopped()) return poll->ToError();
+  return header;
+}
 
 }  // namespace kdray::core

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/base/cancel_poll.h"
 #include "core/base/result.h"
 
 namespace kdray::core {
@@ -67,8 +68,9 @@ struct PlyHeader {
 /// Reads the header; its names are views into `text`. The first line's end (LF, CR LF, or CR alone)
 /// tells how the lines end, so that a body that begins with a byte 10 stays whole. A line that no
 /// keyword begins is a remark without the word `comment`, which some programs forget, unless it
-/// looks like a declaration with its keyword misspelt. Errors carry the line.
+/// looks like a declaration with its keyword misspelt. Errors carry the line, or are
+/// those of the poll once it has stopped.
 /// Source: Turk, "The PLY Polygon File Format", 1994.
-Result<PlyHeader> ParsePlyHeader(std::string_view text);
+Result<PlyHeader> ParsePlyHeader(std::string_view text, CancelPoll* poll);
 
 }  // namespace kdray::core

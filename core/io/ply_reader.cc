@@ -173,7 +173,7 @@ class BodyReader {
       if (cancel_.Spend(64)) return cancel_.ToError();
       if (!body_.BeginRow()) return body_.error();
       for (std::size_t i = 0; i < element.properties.size(); ++i) {
-        if (!handle(i)) return body_.error();
+        if (!handle(i)) return cancel_.stopped() ? cancel_.ToError() : body_.error();
       }
       if (!body_.EndRow()) return body_.error();
     }
@@ -288,6 +288,7 @@ class BodyReader {
   bool CountStrip(PlyType type, std::uint64_t items, std::uint64_t* triangles) {
     std::uint64_t length = 0;
     for (std::uint64_t i = 0; i < items; ++i) {
+      if (cancel_.Spend(8)) return false;
       std::int64_t index = 0;
       if (!body_.ReadIndex(type, &index)) return false;
       length = index == -1 ? 0 : length + 1;
@@ -302,6 +303,7 @@ class BodyReader {
     std::uint64_t length = 0;
     std::array<std::uint32_t, 2> last{};
     for (std::uint64_t i = 0; i < items; ++i) {
+      if (cancel_.Spend(8)) return false;
       std::int64_t index = 0;
       if (!body_.ReadIndex(property.type, &index)) return false;
       if (index == -1) {
@@ -337,6 +339,7 @@ class BodyReader {
     if (!body_.ReadLength(property, &count)) return false;
     corners_.clear();
     for (std::uint64_t i = 0; i < count; ++i) {
+      if (cancel_.Spend(8)) return false;
       std::int64_t index = 0;
       if (!body_.ReadIndex(property.type, &index) || !CheckIndex(index)) return false;
       corners_.push_back(static_cast<std::uint32_t>(index));
@@ -396,7 +399,9 @@ class AsciiReader {
 
  private:
   Result<MeshData> ReadBy(PlyLayout layout) const {
-    return BodyReader<PlyAsciiBody>(file_, header_, layout_, {file_, header_, layout}, options_)
+    CancelPoll poll(options_.cancel);
+    return BodyReader<PlyAsciiBody>(file_, header_, layout_, {file_, header_, layout, &poll},
+                                    options_)
         .Read(layout == PlyLayout::kWords || layout == PlyLayout::kWrapped);
   }
 
@@ -411,12 +416,13 @@ class AsciiReader {
 Result<MeshData> ReadPly(std::span<const std::byte> bytes, const MeshReadOptions& options) {
   const std::string_view file = SkipByteOrderMark(
       std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
-  Result<PlyHeader> header = ParsePlyHeader(file);
+  CancelPoll poll(options.cancel);
+  Result<PlyHeader> header = ParsePlyHeader(file, &poll);
   if (!header.ok()) return std::move(header).error();
   Result<Layout> layout = FindLayout(*header);
   if (!layout.ok()) return std::move(layout).error();
   if (header->format == PlyFormat::kAscii) {
-    const std::size_t body = WithoutPadding(file.substr(header->body)).size();
+    const std::size_t body = WithoutPadding(file.substr(header->body), &poll).size();
     return AsciiReader(file.substr(0, header->body + body), *header, *layout, options).Read();
   }
   return BodyReader<PlyBinaryBody>(file, *header, *layout, {file, *header}, options).Read(false);

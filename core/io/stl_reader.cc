@@ -52,7 +52,7 @@ Error TooLarge(std::uint64_t triangles) {
 // How many records the bytes hold: as many as the count says, with nothing but NUL bytes after
 // them, or, when the count is 0, as the size says (some programs write the count last, or never).
 // nullopt when count and size contradict each other.
-std::optional<std::uint32_t> CountRecords(std::span<const std::byte> bytes) {
+std::optional<std::uint32_t> CountRecords(std::span<const std::byte> bytes, CancelPoll* poll) {
   const std::uint32_t count = LoadUint32(bytes, kHeaderBytes);
   const std::uint64_t records = bytes.size() - kFirstRecord;
   if (count == 0) {
@@ -61,8 +61,9 @@ std::optional<std::uint32_t> CountRecords(std::span<const std::byte> bytes) {
   }
   if (BinarySize(bytes) > bytes.size()) return std::nullopt;
   const auto tail = bytes.subspan(static_cast<std::size_t>(BinarySize(bytes)));
-  const bool nothing =
-      std::all_of(tail.begin(), tail.end(), [](std::byte b) { return b == std::byte{0}; });
+  bool nothing = true;
+  PolledLoop(tail.size(), 1, poll,
+             [&](std::size_t i) { nothing = nothing && tail[i] == std::byte{0}; });
   return nothing ? std::optional(count) : std::nullopt;
 }
 
@@ -75,7 +76,9 @@ Error WrongSize(std::span<const std::byte> bytes) {
 }
 
 Result<MeshData> ReadBinary(std::span<const std::byte> bytes, const MeshReadOptions& options) {
-  const std::optional<std::uint32_t> count = CountRecords(bytes);
+  CancelPoll cancel(options.cancel);
+  const std::optional<std::uint32_t> count = CountRecords(bytes, &cancel);
+  if (cancel.stopped()) return cancel.ToError();
   if (!count) return WrongSize(bytes);
   if (*count == 0) return Error{ErrorCode::kEmptyMesh, "the STL file has no triangle"};
   if (*count > kMaxTriangles) return TooLarge(*count);
@@ -84,7 +87,6 @@ Result<MeshData> ReadBinary(std::span<const std::byte> bytes, const MeshReadOpti
   data.single_precision = true;
   data.vertices.reserve(3 * std::size_t{*count});
   data.triangles.reserve(*count);
-  CancelPoll cancel(options.cancel);
   std::size_t offset = kFirstRecord;
   for (std::uint32_t record = 0; record < *count; ++record) {
     if (cancel.Spend(64)) return cancel.ToError();
@@ -108,7 +110,7 @@ Result<MeshData> ReadBinary(std::span<const std::byte> bytes, const MeshReadOpti
 class AsciiReader {
  public:
   AsciiReader(std::string_view text, const MeshReadOptions& options)
-      : cursor_(text, {}), cancel_(options.cancel) {
+      : cancel_(options.cancel), cursor_(text, {}, 1, &cancel_) {
     data_.format = MeshFormat::kStl;
     // No facet is shorter, so this is room enough, about as many bytes as the file has.
     constexpr std::string_view kShortestFacet =
@@ -276,8 +278,8 @@ class AsciiReader {
   bool begins_line_ = true;        // the cursor is in front of a line's first word
   bool word_begins_line_ = false;  // the last word was the first of its line
   bool has_normal_ = true;         // the facet has one already, or may have none any more
-  TextCursor cursor_;
   CancelPoll cancel_;
+  TextCursor cursor_;
   MeshData data_;
 };
 
@@ -304,7 +306,8 @@ Result<MeshData> ReadStl(std::span<const std::byte> bytes, const MeshReadOptions
   const std::string_view text = SkipByteOrderMark(
       std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
   if (BeginsAsText(text.substr(0, kFirstRecord))) {
-    return AsciiReader(WithoutPadding(text), options).Read();
+    CancelPoll poll(options.cancel);
+    return AsciiReader(WithoutPadding(text, &poll), options).Read();
   }
   if (bytes.size() < kFirstRecord) {
     return AtByte(bytes.size(), "a binary STL file has at least 84 bytes");

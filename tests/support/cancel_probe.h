@@ -1,8 +1,10 @@
 // How soon a call ends that is cancelled while it works. Measured in the processor time of the
-// calling thread, so that a busy machine changes nothing; the call runs on that thread alone.
+// calling thread, so that a busy machine changes nothing; the call runs on that thread alone. With
+// KDRAY_CANCEL_WALL=1, which tests/cancellation sets, in wall-clock time.
 #pragma once
 
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -17,8 +19,11 @@ namespace kdray::test {
 /// Every call has to end within this time of its cancellation.
 inline constexpr std::chrono::milliseconds kPromptly{250};
 
-/// Processor time of the calling thread.
+/// Processor time of the calling thread; with KDRAY_CANCEL_WALL=1, the time of a clock.
 std::chrono::nanoseconds ThreadTime();
+
+/// By how much inputs are to be larger than usual: 1, and more with KDRAY_CANCEL_WALL=1.
+std::size_t CancelScale();
 
 struct CancelledCall {
   /// False when the call was over before its cancellation: then it says nothing.

@@ -67,12 +67,18 @@ MeshData Slivers(std::size_t count) {
 }
 
 TEST(CancelledMesh, CreateEndsAmongTrianglesThatTakeExactArithmetic) {
-  const MeshData data = Slivers(1 << 22);
-  ExpectPrompt(CancelDuring(milliseconds(20),
-                            [&](const CancelToken& token) {
-                              return StatusOf(TriangleMesh::Create(data, token));
-                            }),
-               "Create");
+  const MeshData data = Slivers((std::size_t{1} << 20) * test::CancelScale());
+  for (const milliseconds after : {milliseconds(5), milliseconds(40)}) {
+    ExpectPrompt(CancelDuring(after,
+                              [&](const CancelToken& token) {
+                                // Again, should one mesh take less than that.
+                                for (;;) {
+                                  const auto mesh = TriangleMesh::Create(data, token);
+                                  if (!mesh.ok()) return StatusOf(mesh);
+                                }
+                              }),
+                 "Create after " + std::to_string(after.count()) + " ms");
+  }
 }
 
 TEST(CancelledBuild, EndsAtAnyMoment) {
@@ -94,9 +100,9 @@ TEST(CancelledBuild, EndsAtAnyMoment) {
 }
 
 TEST(CancelledBuild, EndsInTheFirstStepsOfALargeMesh) {
-  const auto mesh = Mesh(test::Grid(1100, 2, 0));
+  const auto mesh = Mesh(test::Grid(500 * static_cast<int>(test::CancelScale()), 2, 0));
   for (const BuildKind kind : core::kAllBuildKinds) {
-    for (const milliseconds after : {milliseconds(20), milliseconds(70), milliseconds(200)}) {
+    for (const milliseconds after : {milliseconds(10), milliseconds(60)}) {
       ExpectPrompt(CancelDuring(after,
                                 [&](const CancelToken& token) {
                                   for (;;) {
@@ -129,9 +135,10 @@ TEST(CancelledBuild, IsFullOrNothingWheneverItIsCancelled) {
 }
 
 TEST(CancelledCells, EndWhileTheTreeIsBuiltAgain) {
-  const Scene scene = test::MakeScene(test::Soup(300'000, 0.05, 6));
+  const Scene scene =
+      test::MakeScene(test::Soup(std::size_t{60'000} * test::CancelScale(), 0.03, 6));
   ExpectPrompt(
-      CancelDuring(milliseconds(60),
+      CancelDuring(milliseconds(20),
                    [&](const CancelToken& token) { return StatusOf(scene.Cells(3, 1000, token)); }),
       "Cells");
   EXPECT_TRUE(scene.Cells(3, 1000).ok()) << "the next one asks in vain";

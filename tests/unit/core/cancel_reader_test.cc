@@ -1,0 +1,136 @@
+// Reading a mesh file ends soon after its cancellation, however long its longest row, blank or
+// number is.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/io/mesh_reader.h"
+#include "tests/support/cancel_probe.h"
+#include "tests/support/mesh_files.h"
+#include "tests/unit/core/mesh_texts.h"
+
+namespace kdray::core {
+namespace {
+
+using std::chrono::milliseconds;
+
+std::string Repeat(std::string_view piece, std::size_t bytes) {
+  if (piece.size() == 1) return std::string(bytes, piece[0]);
+  std::string text(piece);
+  while (text.size() < bytes) text += text;
+  return text.substr(0, bytes / piece.size() * piece.size());
+}
+
+struct LongFile {
+  std::string name;
+  std::string before;  ///< the file is this,
+  std::string piece;   ///< this over and over,
+  std::string after;   ///< and this
+  /// Of the bytes asked for: what takes many times the time of a blank is shorter.
+  std::size_t part = 1;
+
+  std::string Make(std::size_t bytes) const { return before + Repeat(piece, bytes / part) + after; }
+};
+
+std::vector<LongFile> LongFiles(std::size_t bytes) {
+  const std::string obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  const std::string off = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n";
+  const std::string ply =
+      "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+      "element face 1\nproperty list uint uchar vertex_indices\nend_header\n";
+  const std::string ascii = "ply\nformat ascii 1.0\n" + ply + "0 0 0\n1 0 0\n0 1 0\n";
+  const std::string facet =
+      "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
+      "endfacet\n";
+  // A list as long as its bytes, the last of which is no vertex.
+  const auto items = static_cast<std::uint32_t>(bytes / 8 + 1);
+  const std::string binary = "ply\nformat binary_little_endian 1.0\n" + ply +
+                             std::string(36, '\0') + Raw<std::uint32_t>(items);
+  return {
+      {"blank lines", "", "\n", ""},
+      {"blanks", "", " ", ""},
+      {"one word of no format", "", "x", ""},
+      {"words of no format", "", "x ", ""},
+      {"OBJ, blank lines", obj, "\n", "f 1 2 3\n"},
+      {"OBJ, blanks in a line", obj + "f 1 2", " ", "3\n"},
+      {"OBJ, a long remark", obj + "#", "x", "\nf 1 2 3\n"},
+      {"OBJ, a long name", obj + "o", " ", "x\nf 1 2 3\n"},
+      {"OBJ, a face", obj + "f", " 1", " x\n", 2},
+      {"OBJ, a number", obj + "v 0 0 ", "1", "\n"},
+      {"OBJ, joined lines", obj + "f 1 2", "\\\n", "3\n"},
+      {"OBJ, padding", obj + "f 1 2 3\n", std::string(1, '\0'), ""},
+      {"OFF, blank lines", off, "\n", "3 0 1 2\n"},
+      {"OFF, blanks in a line", off + "3 0 1", " ", "2\n"},
+      {"OFF, a face", off + std::to_string(bytes / 4), " 0", " x\n", 2},
+      {"OFF, a number", "OFF\n3 1 0\n0 0 ", "1", "\n0 0 0\n1 0 0\n3 0 1 2\n"},
+      {"OFF, a keyword", "", "C", "OFF\n3 1 0\n"},
+      {"PLY, header lines", "ply\n", "comment\n", "format ascii 1.0\n" + ply},
+      {"PLY, blanks in the header", "ply\n", " ", "format ascii 1.0\n" + ply},
+      {"PLY, blank lines", ascii, "\n", "3 0 1 2\n"},
+      {"PLY, a face", ascii + std::to_string(bytes / 4), " 0", " x\n", 2},
+      {"PLY, a number", ascii + "3 0 1 ", "1", "\n"},
+      {"binary PLY, a face", binary, std::string(1, '\0'), "\xff", 8},
+      {"STL, blank lines", "solid a\n", "\n", facet},
+      {"STL, a long name", "solid", " a", "\n" + facet},
+      {"STL, words behind a normal", "solid\nfacet normal", " 0", "\nouter loop\n"},
+      {"binary STL, padding", std::string(80, 'x') + Raw<std::uint32_t>(1) + std::string(50, '\0'),
+       std::string(1, '\0'), ""},
+  };
+}
+
+TEST(CancelledRead, LooksAtItsTokenAllAlongALongRow) {
+  constexpr std::size_t kBytes = std::size_t{4} << 20;
+  for (const LongFile& file : LongFiles(kBytes)) {
+    const std::string text = file.Make(kBytes);
+    const auto looks = std::make_shared<std::atomic<std::uint64_t>>(0);
+    const CancelToken token = CancelToken::When([looks] {
+      ++*looks;
+      return false;
+    });
+    // NOLINTNEXTLINE(bugprone-unused-return-value): some are meshes, some are not
+    (void)ReadMesh(test::Bytes(text), {token});
+    // A look at the beginning of each step is not enough; memchr passes some bytes in a unit.
+    EXPECT_GE(*looks, 2 + text.size() / (std::size_t{1} << 20)) << file.name;
+  }
+}
+
+TEST(CancelledRead, EndsWithinALongRow) {
+  const std::size_t bytes = test::CancelScale() << 26;
+  for (const LongFile& file : LongFiles(bytes)) {
+    const std::string text = file.Make(bytes);
+    for (const milliseconds after : {milliseconds(2), milliseconds(30)}) {
+      test::ExpectPrompt(test::CancelDuring(after,
+                                            [&](const CancelToken& token) -> Status {
+                                              for (;;) {
+                                                const auto mesh =
+                                                    ReadMesh(test::Bytes(text), {token});
+                                                if (token.ShouldStop()) return test::StatusOf(mesh);
+                                              }
+                                            }),
+                         file.name + " after " + std::to_string(after.count()) + " ms");
+    }
+  }
+}
+
+TEST(CancelledRead, NeverAnswersAPartOfTheMesh) {
+  std::string text;
+  for (int i = 0; i < 3'000; ++i) text += "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n\n\n";
+  for (std::uint64_t look = 1; look < 200; ++look) {
+    const Result<MeshData> mesh = ReadMesh(test::Bytes(text), {test::CancelledAtLook(look)});
+    if (mesh.ok()) {
+      EXPECT_EQ(mesh->triangles.size(), 3'000U);
+      EXPECT_GT(look, 5U) << "it is looked at now and then";
+      return;
+    }
+    ASSERT_EQ(mesh.error().code, ErrorCode::kCancelled) << look;
+  }
+  FAIL() << "the text is too long for this test";
+}
+
+}  // namespace
+}  // namespace kdray::core
