@@ -29,6 +29,11 @@ bool PolledSort(std::span<T> values, std::uint64_t work, CancelPoll* poll, const
   return PolledPartialSort(values, values.size(), work, poll, less);
 }
 
+/// std::sort with a poll and without a second list, which takes some times as long for long lists.
+template <class T, class Less = std::less<>>
+bool PolledSortInPlace(std::span<T> values, std::uint64_t work, CancelPoll* poll,
+                       const Less& less = {});
+
 /// std::partition with a poll: *first_false is where the values begin for which `is_first` is
 /// false.
 template <class T, class IsFirst>
@@ -79,6 +84,30 @@ bool PolledPartialSort(std::span<T> values, std::size_t keep, std::uint64_t work
   }
   if (from.data() == values.data()) return true;
   return PolledLoop(keep, work, poll, [&](std::size_t i) { values[i] = std::move(from[i]); });
+}
+
+template <class T, class Less>
+bool PolledSortInPlace(std::span<T> values, std::uint64_t work, CancelPoll* poll,
+                       const Less& less) {
+  constexpr std::size_t kSmall = std::size_t{1} << 14;
+  const auto levels = static_cast<std::uint64_t>(std::bit_width(values.size()));
+  if (values.size() <= kSmall) {
+    if (poll->Spend(values.size() * work * levels)) return false;
+    std::sort(values.begin(), values.end(), less);
+    return true;
+  }
+  // A heap is built and taken down in steps of O(log n).
+  for (std::size_t size = 2; size <= values.size(); ++size) {
+    if (poll->Spend(work)) return false;
+    const std::span<T> heap = values.first(size);
+    std::push_heap(heap.begin(), heap.end(), less);
+  }
+  for (std::size_t size = values.size(); size > 1; --size) {
+    if (poll->Spend(work * levels)) return false;
+    const std::span<T> heap = values.first(size);
+    std::pop_heap(heap.begin(), heap.end(), less);
+  }
+  return true;
 }
 
 template <class T, class IsFirst>

@@ -10,6 +10,9 @@
 #include <tuple>
 #include <vector>
 
+#include "core/base/cancel_poll.h"
+#include "core/base/polled_sort.h"
+
 namespace kdray::core {
 namespace {
 
@@ -18,7 +21,8 @@ namespace {
 template <class Value>
 class Groups {
  public:
-  /// for_each(emit) must call emit(key, value) the same way each time; key < keys.
+  /// for_each(emit) must call emit(key, value) the same way each time; key < keys. It may end early
+  /// once a poll has stopped; the groups then mean nothing.
   template <class ForEach>
   Groups(std::size_t keys, const ForEach& for_each) : start_(keys + 1) {
     for_each([&](std::size_t key, Value) { ++start_[key]; });
@@ -86,29 +90,31 @@ std::uint64_t HashPosition(const Vec3d& p) {
 // groups and sorted in each, so that positions chosen to collide cost O(n log n) too.
 template <class T>
 std::vector<std::uint32_t> JoinPositions(std::span<const Vec3<T>> vertices,
-                                         std::span<const TriangleIndices> triangles) {
+                                         std::span<const TriangleIndices> triangles,
+                                         CancelPoll* poll) {
   std::vector<bool> used(vertices.size());
-  for (const TriangleIndices& triangle : triangles) {
-    for (const std::uint32_t index : triangle) used[index] = true;
-  }
+  PolledLoop(triangles.size(), 8, poll, [&](std::size_t id) {
+    for (const std::uint32_t index : triangles[id]) used[index] = true;
+  });
   const std::size_t keys = std::bit_ceil(vertices.size() / 4 + 1);
   const auto for_each = [&](const auto& emit) {
-    for (std::size_t i = 0; i < vertices.size(); ++i) {
+    PolledLoop(vertices.size(), 16, poll, [&](std::size_t i) {
       if (used[i]) {
         emit(HashPosition(Vec3d(vertices[i])) & (keys - 1), static_cast<std::uint32_t>(i));
       }
-    }
+    });
   };
   std::vector<std::uint32_t> joined(vertices.size());
   Groups<std::uint32_t> groups(keys, for_each);
   groups.Gather(0, vertices.size(), for_each);
-  for (std::size_t key = 0; key < keys; ++key) {
+  const auto less = [&](std::uint32_t a, std::uint32_t b) {
+    const Vec3<T>& p = vertices[a];
+    const Vec3<T>& q = vertices[b];
+    return std::tie(p.x, p.y, p.z, a) < std::tie(q.x, q.y, q.z, b);
+  };
+  for (std::size_t key = 0; key < keys && !poll->Spend(8); ++key) {
     const std::span<std::uint32_t> group = groups[key];
-    std::sort(group.begin(), group.end(), [&](std::uint32_t a, std::uint32_t b) {
-      const Vec3<T>& p = vertices[a];
-      const Vec3<T>& q = vertices[b];
-      return std::tie(p.x, p.y, p.z, a) < std::tie(q.x, q.y, q.z, b);
-    });
+    if (!PolledSortInPlace(group, 8, poll, less)) break;
     ForEachRun(
         std::span<const std::uint32_t>(group),
         [&](std::uint32_t a, std::uint32_t b) { return vertices[a] == vertices[b]; },
@@ -143,7 +149,7 @@ class EdgeCounter {
 // The edges of one vertex with very many sides: counted, not gathered.
 template <class ForEach>
 void CountEdgesOf(std::size_t vertex, std::size_t vertices, const ForEach& for_each,
-                  EdgeCounter* edges) {
+                  CancelPoll* poll, EdgeCounter* edges) {
   constexpr std::uint8_t kEnough = 3;  // no more is told apart
   std::vector<std::uint8_t> sides[2] = {std::vector<std::uint8_t>(vertices),
                                         std::vector<std::uint8_t>(vertices)};
@@ -152,43 +158,43 @@ void CountEdgesOf(std::size_t vertex, std::size_t vertices, const ForEach& for_e
     std::uint8_t& count = sides[value % 2][value / 2];
     if (count < kEnough) ++count;
   });
-  for (std::size_t other = 0; other < vertices; ++other) {
+  PolledLoop(vertices, 2, poll, [&](std::size_t other) {
     const std::size_t forward = sides[1][other];
     const std::size_t backward = sides[0][other];
     if (forward + backward != 0) edges->Add(forward, backward);
-  }
+  });
 }
 
 void CountEdges(const TriangleMesh& mesh, const std::vector<std::uint32_t>& joined,
-                MeshHealth* health) {
+                CancelPoll* poll, MeshHealth* health) {
   // Each side of a triangle, by the smaller of its vertices: the larger, and whether it runs from
   // the smaller to the larger.
   const std::span<const TriangleIndices> triangles = mesh.triangles();
   const auto for_each = [&](const auto& emit) {
-    for (PrimitiveId id = 0; id < triangles.size(); ++id) {
-      if (mesh.IsDegenerate(id)) continue;
+    PolledLoop(triangles.size(), 32, poll, [&](std::size_t id) {
+      if (mesh.IsDegenerate(static_cast<PrimitiveId>(id))) return;
       const TriangleIndices& triangle = triangles[id];
       for (std::size_t corner = 0; corner < 3; ++corner) {
         const std::uint64_t from = joined[triangle[corner]];
         const std::uint64_t to = joined[triangle[(corner + 1) % 3]];
         emit(std::min(from, to), 2 * std::max(from, to) + (from < to ? 1 : 0));
       }
-    }
+    });
   };
   // A third of the sides at a time.
   const std::size_t most = triangles.size() - mesh.degenerate_count();
   EdgeCounter edges(health);
   Groups<std::uint64_t> groups(joined.size(), for_each);
-  for (std::size_t first = 0; first < groups.keys();) {
+  for (std::size_t first = 0; first < groups.keys() && !poll->Spend(8);) {
     if (groups.CountOf(first) > most) {
-      CountEdgesOf(first, joined.size(), for_each, &edges);
+      CountEdgesOf(first, joined.size(), for_each, poll, &edges);
       ++first;
       continue;
     }
     const std::size_t last = groups.Gather(first, most, for_each);
-    for (std::size_t key = first; key < last; ++key) {
+    for (std::size_t key = first; key < last && !poll->Spend(8); ++key) {
       const std::span<std::uint64_t> group = groups[key];
-      std::sort(group.begin(), group.end());
+      if (!PolledSortInPlace(group, 4, poll)) break;
       ForEachRun(
           std::span<const std::uint64_t>(group),
           [](std::uint64_t a, std::uint64_t b) { return a / 2 == b / 2; },
@@ -203,24 +209,25 @@ void CountEdges(const TriangleMesh& mesh, const std::vector<std::uint32_t>& join
   health->closed = edges.closed();
 }
 
-std::uint64_t CountDuplicates(const TriangleMesh& mesh, const std::vector<std::uint32_t>& joined) {
+std::uint64_t CountDuplicates(const TriangleMesh& mesh, const std::vector<std::uint32_t>& joined,
+                              CancelPoll* poll) {
   const std::span<const TriangleIndices> triangles = mesh.triangles();
   const auto for_each = [&](const auto& emit) {
-    for (PrimitiveId id = 0; id < triangles.size(); ++id) {
-      if (mesh.IsDegenerate(id)) continue;
+    PolledLoop(triangles.size(), 32, poll, [&](std::size_t id) {
+      if (mesh.IsDegenerate(static_cast<PrimitiveId>(id))) return;
       const TriangleIndices& triangle = triangles[id];
       std::array<std::uint64_t, 3> corners = {joined[triangle[0]], joined[triangle[1]],
                                               joined[triangle[2]]};
       std::sort(corners.begin(), corners.end());
       emit(corners[0], corners[1] << 32 | corners[2]);
-    }
+    });
   };
   Groups<std::uint64_t> groups(joined.size(), for_each);
   groups.Gather(0, triangles.size(), for_each);
   std::uint64_t duplicates = 0;
-  for (std::size_t key = 0; key < groups.keys(); ++key) {
+  for (std::size_t key = 0; key < groups.keys() && !poll->Spend(8); ++key) {
     const std::span<std::uint64_t> group = groups[key];
-    std::sort(group.begin(), group.end());
+    if (!PolledSortInPlace(group, 4, poll)) break;
     ForEachRun(std::span<const std::uint64_t>(group), std::equal_to<>(),
                [&](std::span<const std::uint64_t> run) { duplicates += run.size() - 1; });
   }
@@ -239,15 +246,18 @@ double CoordinateResolution(const Bounds3d& bounds, bool single_precision) {
 
 }  // namespace
 
-MeshHealth CheckHealth(const TriangleMesh& mesh, const MeshData& data) {
+Result<MeshHealth> CheckHealth(const TriangleMesh& mesh, const MeshData& data,
+                               const CancelToken& cancel) {
+  CancelPoll poll(cancel);
   MeshHealth health;
   health.degenerate = mesh.degenerate_count();
   health.concave = data.concave;
   health.coordinate_resolution = CoordinateResolution(mesh.bounds(), data.single_precision);
   const std::vector<std::uint32_t> joined =
-      JoinPositions(std::span<const Vec3d>(data.vertices), mesh.triangles());
-  CountEdges(mesh, joined, &health);
-  health.duplicate = CountDuplicates(mesh, joined);
+      JoinPositions(std::span<const Vec3d>(data.vertices), mesh.triangles(), &poll);
+  CountEdges(mesh, joined, &poll, &health);
+  health.duplicate = CountDuplicates(mesh, joined, &poll);
+  if (poll.stopped()) return poll.ToError();
   return health;
 }
 

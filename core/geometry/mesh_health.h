@@ -4,6 +4,8 @@
 
 #include <cstdint>
 
+#include "core/base/cancel.h"
+#include "core/base/result.h"
 #include "core/geometry/triangle_mesh.h"
 
 namespace kdray::core {
@@ -27,7 +29,8 @@ struct MeshHealth {
 };
 
 /// `mesh` was made from `data`. O(n log n) time, whatever the positions; at most 8 bytes of scratch
-/// a triangle and 10 a vertex. Deterministic.
-MeshHealth CheckHealth(const TriangleMesh& mesh, const MeshData& data);
+/// a triangle and 10 a vertex. Deterministic. Errors: kCancelled, kDeadlineExceeded.
+Result<MeshHealth> CheckHealth(const TriangleMesh& mesh, const MeshData& data,
+                               const CancelToken& cancel = {});
 
 }  // namespace kdray::core

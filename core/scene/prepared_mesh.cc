@@ -13,6 +13,8 @@ Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelT
   if (!data.ok()) return data.error();
   Result<TriangleMesh> mesh = TriangleMesh::Create(*data, cancel);
   if (!mesh.ok()) return std::move(mesh).error();
+  const Result<MeshHealth> health = CheckHealth(*mesh, *data, cancel);
+  if (!health.ok()) return health.error();
 
   MeshFacts facts;
   facts.format = data->format;
@@ -21,7 +23,7 @@ Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelT
   facts.dropped = data->dropped;
   facts.vertices = mesh->vertex_count();
   facts.bounds = mesh->bounds();
-  facts.health = CheckHealth(*mesh, *data);
+  facts.health = *health;
   facts.double_vertices = mesh->has_double_vertices();
   facts.wider_than_declared = data->wider_than_declared;
   facts.frame = mesh->frame();

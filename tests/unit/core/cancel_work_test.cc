@@ -81,6 +81,37 @@ TEST(CancelledMesh, CreateEndsAmongTrianglesThatTakeExactArithmetic) {
   }
 }
 
+TEST(CancelledMesh, CheckHealthEndsAlsoWhereAllVerticesAreInOnePlaceOrOnOneEdge) {
+  const std::size_t count = (std::size_t{1} << 20) * test::CancelScale();
+  MeshData fan;  // all triangles at one edge
+  fan.vertices = {{0, 0, 0}, {1, 0, 0}};
+  MeshData soup;  // each triangle in the same place, with corners of its own
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto corner = static_cast<std::uint32_t>(fan.vertices.size());
+    fan.vertices.push_back({0, 1, static_cast<double>(i)});
+    fan.triangles.push_back({0, 1, corner});
+    const auto first = static_cast<std::uint32_t>(soup.vertices.size());
+    for (const Vec3d& p : {Vec3d{0, 0, 0}, Vec3d{1, 0, 0}, Vec3d{0, 1, 0}}) {
+      soup.vertices.push_back(p);
+    }
+    soup.triangles.push_back({first, first + 1, first + 2});
+  }
+  for (const MeshData* data : {&fan, &soup}) {
+    const auto mesh = Mesh(*data);
+    for (const milliseconds after : {milliseconds(5), milliseconds(60), milliseconds(150)}) {
+      ExpectPrompt(CancelDuring(after,
+                                [&](const CancelToken& token) {
+                                  for (;;) {
+                                    const auto health = CheckHealth(*mesh, *data, token);
+                                    if (!health.ok()) return StatusOf(health);
+                                  }
+                                }),
+                   std::string(data == &fan ? "the fan" : "the soup") + " after " +
+                       std::to_string(after.count()) + " ms");
+    }
+  }
+}
+
 TEST(CancelledBuild, EndsAtAnyMoment) {
   const auto soup = Mesh(test::Soup(300'000, 0.05, 4));
   for (const BuildKind kind : core::kAllBuildKinds) {

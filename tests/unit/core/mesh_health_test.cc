@@ -25,7 +25,7 @@ namespace {
 MeshHealth Check(const MeshData& data) {
   const Result<TriangleMesh> mesh = TriangleMesh::Create(data);
   EXPECT_TRUE(mesh.ok());
-  return CheckHealth(*mesh, data);
+  return *CheckHealth(*mesh, data);
 }
 
 MeshData Tetrahedron() {
@@ -227,7 +227,7 @@ Counts CountPlainly(const TriangleMesh& mesh, const MeshData& data, Rules rules)
 void ExpectPlainCounts(const MeshData& data) {
   const Result<TriangleMesh> mesh = TriangleMesh::Create(data);
   ASSERT_TRUE(mesh.ok());
-  const MeshHealth health = CheckHealth(*mesh, data);
+  const MeshHealth health = *CheckHealth(*mesh, data);
   const Counts counts = CountPlainly(*mesh, data, {});
   EXPECT_EQ(health.duplicate, counts.duplicate);
   EXPECT_EQ(health.open_edges, counts.open_edges);
@@ -281,7 +281,7 @@ TEST(MeshHealth, AgreesWithTheCollection) {
     EXPECT_EQ(counts.closed, row.at("watertight").starts_with("yes"));
     // And by our own rules, for every mesh that the collection calls clean.
     if (row.at("clean_solid") == "1") {
-      EXPECT_TRUE(CheckHealth(*mesh, *data).closed);
+      EXPECT_TRUE(CheckHealth(*mesh, *data)->closed);
     }
   }
   EXPECT_GT(read, 80);
