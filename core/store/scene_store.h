@@ -173,6 +173,7 @@ class SceneStore {
   // Of the start (scene_store_load.cc):
   Result<std::set<std::string_view>> MissingFolders() const;
   static RecordedMeshes RecordedIn(const Catalog::Contents& catalog);
+  static void CompleteSizes(const std::vector<FileInfo>& meshes, RecordedMeshes* recorded);
   Result<std::set<Sha256Digest>> UnreadableMeshes(const RecordedMeshes& recorded) const;
   void TakeStock(const RecordedMeshes& recorded, Files files);
   std::optional<std::string> WhyUnreadable(const Sha256Digest& mesh, std::uint64_t bytes) const;

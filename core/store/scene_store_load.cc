@@ -90,6 +90,16 @@ SceneStore::RecordedMeshes SceneStore::RecordedIn(const Catalog::Contents& catal
   return recorded;
 }
 
+// A size that no record tells is that of the file.
+void SceneStore::CompleteSizes(const std::vector<FileInfo>& meshes, RecordedMeshes* recorded) {
+  for (const FileInfo& file : meshes) {
+    Sha256Digest mesh;
+    if (!ParseSha256Hex(file.name, &mesh)) continue;
+    const auto found = recorded->find(mesh);
+    if (found != recorded->end() && found->second == 0) found->second = file.bytes;
+  }
+}
+
 Result<std::set<Sha256Digest>> SceneStore::UnreadableMeshes(const RecordedMeshes& recorded) const {
   std::set<Sha256Digest> unreadable;
   std::string example;
@@ -125,12 +135,13 @@ Result<SceneStore::Contents> SceneStore::Load() {
     files[IndexOf(group)] = *std::move(listed);
   }
 
-  const RecordedMeshes recorded = RecordedIn(catalog);
+  RecordedMeshes recorded = RecordedIn(catalog);
   if (!missing->empty() && !recorded.empty()) {
     return Refusal("the folder " + std::string(*missing->begin()) +
                    " is missing, but the catalog names " + Count(recorded.size(), "mesh", "es"));
   }
   const std::vector<FileInfo>& meshes = files[IndexOf(FileGroup::kMeshes)];
+  CompleteSizes(meshes, &recorded);
   const auto stored = static_cast<std::uint64_t>(std::count_if(
       meshes.begin(), meshes.end(), [](const FileInfo& file) { return IsDigest(file.name); }));
   if (missing->contains(kCatalogFolder) && stored != 0) {

@@ -176,6 +176,19 @@ TEST_F(LibraryStartTest, MostRecordsUnreadableRefuseTheStart) {
   ExpectAllThere();
 }
 
+TEST_F(LibraryStartTest, ADamagedRecordIsMadeAgainWithTheSizeOfItsMesh) {
+  Fill(2);
+  for (const auto& [id, hits] : answers_) {
+    disk_.SetContents(FolderOf("catalog") / id.ToString(), Bytes("damaged"));
+  }
+  ExpectAllThere();
+  for (const auto& [id, hits] : answers_) {
+    const auto info = library_->Find(id);
+    ASSERT_TRUE(info.ok());
+    EXPECT_EQ(info->record.mesh_bytes, disk_.Contents(MeshFile(id))->size());
+  }
+}
+
 TEST_F(LibraryStartTest, ATreeWhoseMeshIsGoneStaysAndSaysSoUntilAnUploadRepairsIt) {
   Fill(1);
   const TreeId id = answers_.begin()->first;
