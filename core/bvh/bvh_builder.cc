@@ -97,6 +97,8 @@ class BvhBuilder {
       : cost_(cost), monitor_(options), references_(MakeReferences(mesh, &monitor_)) {}
 
   Result<Bvh> Build() {
+    // Then some references were never written.
+    if (monitor_.ShouldStop()) return monitor_.Finish().error();
     UpperNode root;
     if (!references_.empty()) BuildTop(references_, 0, &root);
 

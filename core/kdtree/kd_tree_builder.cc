@@ -30,6 +30,8 @@ class KdTreeBuilder {
 
     KdTree tree;
     const Bounds3f bounds = UnionBounds(references, &monitor_);
+    // Then some references were never written.
+    if (monitor_.ShouldStop()) return monitor_.Finish().error();
     tree.bounds = bounds;
     // Node positions have 30 bits.
     const std::uint64_t weight = std::min<std::uint64_t>(

@@ -15,7 +15,7 @@ namespace kdray::core {
 
 /// Part of what a file must match to be taken. Raise it when a builder is changed so that it makes
 /// other trees: stored ones then give way to what this version builds.
-inline constexpr std::uint32_t kBuilderRevision = 5;
+inline constexpr std::uint32_t kBuilderRevision = 6;
 
 /// Which tree a file holds.
 struct TreeFileKey {

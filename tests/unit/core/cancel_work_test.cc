@@ -147,19 +147,22 @@ TEST(CancelledBuild, EndsInTheFirstStepsOfALargeMesh) {
 }
 
 TEST(CancelledBuild, IsFullOrNothingWheneverItIsCancelled) {
-  const auto mesh = Mesh(test::Soup(30'000, 0.05, 5));
-  for (const BuildKind kind : core::kAllBuildKinds) {
-    const core::Tree expected = *BuildTree(*mesh, kind);
-    bool completed = false;
-    for (std::uint64_t look = 1; !completed; look += 1 + look / 2) {
-      const auto tree = BuildTree(*mesh, kind, {test::CancelledAtLook(look)});
-      completed = tree.ok();
-      if (completed) {
-        EXPECT_EQ(tree->stats, expected.stats) << Name(kind);
-        EXPECT_EQ(tree->wide.nodes.size(), expected.wide.nodes.size()) << Name(kind);
-        EXPECT_TRUE(tree->wide.Validate(mesh->triangle_count()).ok()) << Name(kind);
-      } else {
-        ASSERT_EQ(tree.error().code, ErrorCode::kCancelled);
+  // Also meshes that are built in one piece, without a top.
+  for (const int triangles : {100, 3'000, 30'000}) {
+    const auto mesh = Mesh(test::Soup(triangles, 0.05, 5));
+    for (const BuildKind kind : core::kAllBuildKinds) {
+      const core::Tree expected = *BuildTree(*mesh, kind);
+      bool completed = false;
+      for (std::uint64_t look = 1; !completed; look += 1 + look / 2) {
+        const auto tree = BuildTree(*mesh, kind, {test::CancelledAtLook(look)});
+        completed = tree.ok();
+        if (completed) {
+          EXPECT_EQ(tree->stats, expected.stats) << Name(kind);
+          EXPECT_EQ(tree->wide.nodes.size(), expected.wide.nodes.size()) << Name(kind);
+          EXPECT_TRUE(tree->wide.Validate(mesh->triangle_count()).ok()) << Name(kind);
+        } else {
+          ASSERT_EQ(tree.error().code, ErrorCode::kCancelled);
+        }
       }
     }
   }
