@@ -10,6 +10,7 @@
 #include "core/io/obj_reader.h"
 #include "core/io/off_reader.h"
 #include "core/io/ply_reader.h"
+#include "core/io/polygon.h"
 #include "core/io/stl_reader.h"
 
 namespace kdray::core {
@@ -31,6 +32,18 @@ Result<MeshData> ReadAs(MeshFormat format, std::span<const std::byte> bytes,
 }
 
 }  // namespace
+
+void MeshCounts::AddFace(std::uint64_t corners) {
+  triangles += corners < 3 ? 0 : corners - 2;
+  most_corners = std::max(most_corners, corners);
+  // A larger one is refused unless it is convex.
+  if (corners > 3 && corners <= kMaxConcaveCorners) most_cut = std::max(most_cut, corners);
+}
+
+std::uint64_t MeshCounts::ReadBytes() const {
+  return vertices * sizeof(Vec3d) + triangles * sizeof(TriangleIndices) +
+         most_corners * sizeof(std::uint32_t) + most_cut * PolygonCutter::kScratchBytesPerCorner;
+}
 
 Result<MeshData> ReadMesh(std::span<const std::byte> bytes, const MeshReadOptions& options) {
   if (bytes.empty()) return Error{ErrorCode::kEmptyMesh, "the mesh has no bytes"};

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <span>
 
 #include "core/base/cancel.h"
@@ -10,8 +12,28 @@
 
 namespace kdray::core {
 
+/// What a file holds, as it was counted before memory is taken for it. Upper bounds.
+struct MeshCounts {
+  std::uint64_t vertices = 0;
+  std::uint64_t triangles = 0;
+  std::uint64_t most_corners = 0;  ///< of a polygon
+  std::uint64_t most_cut = 0;      ///< of a polygon that may have to be cut by ears
+
+  /// A polygon, in the counting pass.
+  void AddFace(std::uint64_t corners);
+  /// Memory of ReadMesh at its peak, without the file's bytes.
+  std::uint64_t ReadBytes() const;
+};
+
 struct MeshReadOptions {
   CancelToken cancel;
+  /// Told the counts before memory is taken for them, again when more is known. Its error ends the
+  /// reading.
+  std::function<Status(const MeshCounts&)> on_counts = nullptr;
+
+  Status Counted(const MeshCounts& counts) const {
+    return on_counts ? on_counts(counts) : Status();
+  }
 };
 
 /// Parses OBJ, PLY (ascii, both byte orders), STL (ascii, binary) or OFF (ascii), found from the
@@ -25,11 +47,12 @@ struct MeshReadOptions {
 /// finite or beyond kMaxCoordinate is kInvalidMesh in a vertex that a triangle uses, and only
 /// there.
 ///
-/// Every count in a file is a claim: memory is taken for what the bytes can hold, at most 2x the
-/// body beyond the result (of a file that is refused: beyond the result of the part before the
-/// fault), and PolygonCutter::kScratchBytesPerCorner for each corner of the largest concave
-/// polygon, 46 MB at most. Safe from many threads at once. O(bytes), and O(n log n) for usual
-/// concave polygons of n corners; PolygonCutter bounds what polygons may cost.
+/// Every count in a file is a claim, told to `on_counts` before memory is taken for it. Memory is
+/// taken for what the bytes can hold, at most 2x the body beyond the result (of a file that is
+/// refused: beyond the result of the part before the fault), and
+/// PolygonCutter::kScratchBytesPerCorner for each corner of the largest concave polygon, 46 MB at
+/// most. Safe from many threads at once. O(bytes), and O(n log n) for usual concave polygons of n
+/// corners; PolygonCutter bounds what polygons may cost.
 Result<MeshData> ReadMesh(std::span<const std::byte> bytes, const MeshReadOptions& options = {});
 
 }  // namespace kdray::core

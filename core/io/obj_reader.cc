@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/base/cancel_poll.h"
+#include "core/io/claimed_rows.h"
 #include "core/io/mesh_error.h"
 #include "core/io/parse_text.h"
 #include "core/io/polygon.h"
@@ -99,33 +100,28 @@ class ObjReader {
   }
 
   Status Count() {
-    std::uint64_t vertices = 0;
-    std::uint64_t triangles = 0;
-    std::size_t most_corners = 0;
     Status status = ForEachStatement([&](std::string_view keyword, TextCursor& cursor) -> Status {
       if (keyword == "v") {
-        ++vertices;
+        ++counts_.vertices;
       } else if (IsFace(keyword)) {
         std::size_t corners = 0;
         while (!cursor.NextWord().empty()) ++corners;
-        triangles += corners < 3 ? 0 : corners - 2;
-        most_corners = std::max(most_corners, corners);
+        counts_.AddFace(corners);
       } else if (!MayBeginStatement(keyword)) {
         return AtLine(cursor.line(), Quoted(keyword) + " begins no statement of an OBJ file");
       }
       return {};
     });
     if (!status.ok()) return status;
-    if (triangles > kMaxTriangles || vertices > kMaxVertices) {
-      return Error{ErrorCode::kMeshTooLarge, "the OBJ file has " + std::to_string(triangles) +
-                                                 " triangles and " + std::to_string(vertices) +
-                                                 " vertices; at most " +
-                                                 std::to_string(kMaxTriangles) + " and " +
-                                                 std::to_string(kMaxVertices) + " are allowed"};
+    if (counts_.triangles > kMaxTriangles || counts_.vertices > kMaxVertices) {
+      return Error{ErrorCode::kMeshTooLarge,
+                   "the OBJ file has " + std::to_string(counts_.triangles) + " triangles and " +
+                       std::to_string(counts_.vertices) + " vertices; at most " +
+                       std::to_string(kMaxTriangles) + " and " + std::to_string(kMaxVertices) +
+                       " are allowed"};
     }
-    data_.vertices.reserve(vertices);
-    data_.triangles.reserve(triangles);
-    corners_.reserve(most_corners);
+    if (Status told = options_.Counted(counts_); !told.ok()) return told;
+    corners_.reserve(counts_.most_corners);
     return {};
   }
 
@@ -140,6 +136,7 @@ class ObjReader {
         vertex[axis] = *number;
       }
       all_valid_ = all_valid_ && IsValidVertex(vertex);
+      MakeRoom(data_.vertices, counts_.vertices, text_.size());
       data_.vertices.push_back(vertex);
       return {};
     });
@@ -162,6 +159,7 @@ class ObjReader {
         }
         corners_.push_back(static_cast<std::uint32_t>(index));
       }
+      MakeRoom(data_.triangles, counts_.triangles, text_.size(), corners_.size());
       Status status = cutter_.Add(corners_);
       if (!status.ok()) return AtLine(cursor.line(), std::move(status).error());
       return {};
@@ -191,6 +189,7 @@ class ObjReader {
   }
 
   std::string_view text_;
+  MeshCounts counts_;
   const MeshReadOptions& options_;
   CancelPoll cancel_;
   MeshData data_;

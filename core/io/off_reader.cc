@@ -231,6 +231,7 @@ class OffReader {
   }
 
   Status ReadVertices() {
+    if (Status told = options_.Counted({.vertices = vertices_}); !told.ok()) return told;
     return ForEachVertex([&](const Vec3d& vertex, std::uint64_t) {
       MakeRoom(data_.vertices, vertices_, file_bytes_);
       data_.vertices.push_back(vertex);
@@ -277,25 +278,24 @@ class OffReader {
   }
 
   Status CountTriangles() {
-    std::uint64_t triangles = 0;
-    std::uint64_t most_corners = 0;
+    MeshCounts counts{.vertices = vertices_};
     Status status = ForEachFace([&](std::uint64_t corners) -> Status {
       for (std::uint64_t i = 0; i < corners; ++i) {
         if (NextWordOfRow().empty()) return Broken(WhyNotInteger({}));
         if (cancel_.Spend(64)) return cancel_.ToError();
       }
-      triangles += corners < 3 ? 0 : corners - 2;
-      most_corners = std::max(most_corners, corners);
+      counts.AddFace(corners);
       return {};
     });
     if (!status.ok()) return status;
-    if (triangles > kMaxTriangles) {
-      return Error{ErrorCode::kMeshTooLarge, "the OFF file has " + std::to_string(triangles) +
-                                                 " triangles; at most " +
-                                                 std::to_string(kMaxTriangles) + " are allowed"};
+    if (counts.triangles > kMaxTriangles) {
+      return Error{ErrorCode::kMeshTooLarge,
+                   "the OFF file has " + std::to_string(counts.triangles) + " triangles; at most " +
+                       std::to_string(kMaxTriangles) + " are allowed"};
     }
-    data_.triangles.reserve(triangles);
-    corners_.reserve(most_corners);
+    if (Status told = options_.Counted(counts); !told.ok()) return told;
+    triangles_ = counts.triangles;
+    corners_.reserve(counts.most_corners);
     return {};
   }
 
@@ -313,6 +313,7 @@ class OffReader {
         corners_.push_back(static_cast<std::uint32_t>(*index));
         if (cancel_.Spend(64)) return cancel_.ToError();
       }
+      MakeRoom(data_.triangles, triangles_, file_bytes_, corners_.size());
       Status status = cutter_.Add(corners_);
       if (!status.ok()) return AtLine(cursor_.line(), std::move(status).error());
       return {};
@@ -327,6 +328,7 @@ class OffReader {
   bool has_keyword_ = false;
   std::uint64_t numbers_ = 3;  // of a vertex, as the keyword announces
   std::uint64_t vertices_ = 0;
+  std::uint64_t triangles_ = 0;  // once the faces are counted
   std::uint64_t faces_ = 0;
   Layout layout_ = Layout::kEvenLines;
   MeshData data_;

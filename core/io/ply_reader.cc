@@ -119,7 +119,9 @@ class BodyReader {
       if (!status.ok()) return std::move(status).error();
       if (&element == layout_.vertex) {
         vertices_ = body_;
-        status = ReadVertices();
+        counts_.vertices = element.count;
+        status = options_.Counted(counts_);
+        if (status.ok()) status = ReadVertices();
         has_vertices = true;
       } else if (&element == layout_.face) {
         faces = body_;
@@ -256,30 +258,27 @@ class BodyReader {
 
   Status CountTriangles() {
     const PlyElement& element = *layout_.face;
-    std::uint64_t triangles = 0;
-    std::uint64_t most_corners = 0;
     Status status = ForEachProperty(element, [&](std::size_t i) {
       const PlyProperty& property = element.properties[i];
       if (i != layout_.corners) return body_.Skip(property);
       std::uint64_t corners = 0;
       if (!body_.ReadLength(property, &corners)) return false;
-      if (layout_.is_strips) return CountStrip(property.type, corners, &triangles);
+      if (layout_.is_strips) return CountStrip(property.type, corners, &counts_.triangles);
       if (corners < 3 && !body_.AllowsShortFaces()) {
         return body_.Fail({ErrorCode::kInvalidMesh, "a face of " + std::to_string(corners) +
                                                         " corners, among rows that are no lines"});
       }
-      triangles += corners < 3 ? 0 : corners - 2;
-      most_corners = std::max(most_corners, corners);
+      counts_.AddFace(corners);
       return body_.SkipItems(property.type, corners);
     });
     if (!status.ok()) return status;
-    if (triangles > kMaxTriangles) {
-      return Error{ErrorCode::kMeshTooLarge, "the PLY file has " + std::to_string(triangles) +
-                                                 " triangles; at most " +
-                                                 std::to_string(kMaxTriangles) + " are allowed"};
+    if (counts_.triangles > kMaxTriangles) {
+      return Error{ErrorCode::kMeshTooLarge,
+                   "the PLY file has " + std::to_string(counts_.triangles) +
+                       " triangles; at most " + std::to_string(kMaxTriangles) + " are allowed"};
     }
-    data_.triangles.reserve(triangles);
-    corners_.reserve(most_corners);
+    if (Status told = options_.Counted(counts_); !told.ok()) return told;
+    corners_.reserve(counts_.most_corners);
     return {};
   }
 
@@ -315,6 +314,7 @@ class BodyReader {
       if (++length >= 3) {
         // The winding alternates along a strip.
         const bool turned = length % 2 == 0;
+        MakeRoom(data_.triangles, counts_.triangles, file_bytes_);
         data_.triangles.push_back({last[turned ? 1 : 0], last[turned ? 0 : 1], corner});
       }
       last = {last[1], corner};
@@ -329,6 +329,7 @@ class BodyReader {
       if (i != layout_.corners) return body_.Skip(property);
       if (layout_.is_strips) return ReadStrip(property);
       if (!ReadCorners(property)) return false;
+      MakeRoom(data_.triangles, counts_.triangles, file_bytes_, corners_.size());
       Status status = cutter_.Add(corners_);
       return status.ok() || body_.Fail(std::move(status).error());
     });
@@ -362,6 +363,7 @@ class BodyReader {
   const MeshReadOptions& options_;
   CancelPoll cancel_;
   MeshData data_;
+  MeshCounts counts_;
   bool has_wide_text_ = false;  // a number that the header calls a float, but no float prints
   bool all_valid_ = true;       // the coordinates of all vertices
   PolygonCutter cutter_;

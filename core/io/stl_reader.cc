@@ -75,6 +75,11 @@ Error WrongSize(std::span<const std::byte> bytes) {
                                   std::to_string(bytes.size()));
 }
 
+// Each triangle has vertices of its own.
+MeshCounts CountsOf(std::uint64_t triangles) {
+  return {.vertices = 3 * triangles, .triangles = triangles};
+}
+
 Result<MeshData> ReadBinary(std::span<const std::byte> bytes, const MeshReadOptions& options) {
   CancelPoll cancel(options.cancel);
   const std::optional<std::uint32_t> count = CountRecords(bytes, &cancel);
@@ -82,6 +87,7 @@ Result<MeshData> ReadBinary(std::span<const std::byte> bytes, const MeshReadOpti
   if (!count) return WrongSize(bytes);
   if (*count == 0) return Error{ErrorCode::kEmptyMesh, "the STL file has no triangle"};
   if (*count > kMaxTriangles) return TooLarge(*count);
+  if (Status told = options.Counted(CountsOf(*count)); !told.ok()) return std::move(told).error();
   MeshData data;
   data.format = MeshFormat::kStl;
   data.single_precision = true;
@@ -110,17 +116,18 @@ Result<MeshData> ReadBinary(std::span<const std::byte> bytes, const MeshReadOpti
 class AsciiReader {
  public:
   AsciiReader(std::string_view text, const MeshReadOptions& options)
-      : cancel_(options.cancel), cursor_(text, {}, 1, &cancel_) {
+      : text_(text), options_(options), cancel_(options.cancel), cursor_(text, {}, 1, &cancel_) {
     data_.format = MeshFormat::kStl;
-    // No facet is shorter, so this is room enough, about as many bytes as the file has.
-    constexpr std::string_view kShortestFacet =
-        "facet normal 0 0 0 outer loop vertex 0 0 0 vertex 0 0 0 vertex 0 0 0 endloop endfacet ";
-    const std::size_t most = (text.size() + 1) / kShortestFacet.size();
-    data_.vertices.reserve(3 * std::min(most, kMaxTriangles));
-    data_.triangles.reserve(std::min(most, kMaxTriangles));
   }
 
   Result<MeshData> Read() {
+    const std::size_t facets = std::min(MostFacets(), kMaxTriangles);
+    if (cancel_.stopped()) return cancel_.ToError();
+    if (Status told = options_.Counted(CountsOf(facets)); !told.ok()) {
+      return std::move(told).error();
+    }
+    data_.vertices.reserve(3 * facets);
+    data_.triangles.reserve(facets);
     for (;;) {
       if (cancel_.Spend(64)) return cancel_.ToError();
       const std::string_view word = NextWord();
@@ -140,6 +147,19 @@ class AsciiReader {
   }
 
  private:
+  // As many as there are three words `vertex` for, and none is shorter than this.
+  std::size_t MostFacets() {
+    constexpr std::string_view kShortest =
+        "facet outerloop vertex 0 0 0 vertex 0 0 0 vertex 0 0 0 endloop endfacet ";
+    constexpr std::string_view kVertex = "vertex";
+    std::size_t vertices = 0;
+    PolledLoop(text_.size(), 1, &cancel_, [&](std::size_t i) {
+      if ((text_[i] | 0x20) != 'v') return;
+      if (EqualsIgnoringCase(text_.substr(i, kVertex.size()), kVertex)) ++vertices;
+    });
+    return std::min(vertices / 3, (text_.size() + 1) / kShortest.size());
+  }
+
   // The next word on this or a later line; empty at the end of the file. Lines with a remark or a
   // colour, which some programs add anywhere, are passed.
   std::string_view NextWord() {
@@ -275,6 +295,8 @@ class AsciiReader {
     return Expect("endfacet", "end");
   }
 
+  std::string_view text_;
+  const MeshReadOptions& options_;
   bool begins_line_ = true;        // the cursor is in front of a line's first word
   bool word_begins_line_ = false;  // the last word was the first of its line
   bool has_normal_ = true;         // the facet has one already, or may have none any more

@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/scene/mesh_memory.h"
+
 namespace kdray::core {
 
 // One try with the memory that could be had. A try that needs more says how much and holds nothing
@@ -29,8 +31,10 @@ class SceneSource::Attempt {
   std::uint64_t needed() const { return needed_; }
 
  private:
-  // Makes sure of `bytes` besides what was charged to the mesh already.
+  // Makes sure of `bytes` besides what was charged to the mesh already, and gives back what a step
+  // before needed more. What the attempt began with was waited for, so it is kept.
   Status Need(std::uint64_t bytes) {
+    charge_.Shrink(std::max(bytes, granted_));
     if (charge_.Grow(bytes)) return {};
     needed_ = charged_to_mesh_ + bytes;
     return Error{ErrorCode::kMemoryFull, "there is no memory for this now"};
@@ -69,15 +73,24 @@ class SceneSource::Attempt {
   }
 
   Result<PreparedMesh> Parse() {
-    if (Status status = Need(EstimatePrepareBytes(record_.mesh_bytes)); !status.ok()) {
+    if (Status status = Need(LeastPrepareBytes(record_.mesh_bytes)); !status.ok()) {
       return std::move(status).error();
     }
-    const Result<std::vector<std::byte>> bytes = source_->store_->ReadMesh(record_.id.mesh);
-    if (!bytes.ok()) return bytes.error();
+    Result<std::vector<std::byte>> bytes = source_->store_->ReadMesh(record_.id.mesh);
+    if (!bytes.ok()) return std::move(bytes).error();
     ++source_->parses_;
+    const auto on_counts = [&](const MeshCounts& counts) { return NeedForParsing(counts); };
     std::optional<Result<PreparedMesh>> prepared;
-    source_->arena_->Run([&] { prepared = PrepareMesh(*bytes, watch_->cancel); });
+    source_->arena_->Run(
+        [&] { prepared = PrepareMesh(*std::move(bytes), watch_->cancel, on_counts); });
     return *std::move(prepared);
+  }
+
+  // The counts of the file are known, and no memory was taken for them.
+  Status NeedForParsing(const MeshCounts& counts) {
+    const std::uint64_t bytes = PreparePeakBytes(record_.mesh_bytes, counts);
+    if (Status status = source_->budget_->CheckCouldFit(bytes); !status.ok()) return status;
+    return Need(bytes);
   }
 
   Status FetchTree() {
@@ -140,6 +153,7 @@ class SceneSource::Attempt {
   const TreeRecord& record_;
   Watch* watch_;
   MemoryCharge charge_;
+  const std::uint64_t granted_ = charge_.bytes();
   std::uint64_t charged_to_mesh_ = 0;
   std::uint64_t needed_ = 0;
   Fetched fetched_;

@@ -43,9 +43,9 @@ struct PreparedMesh {
 /// TriangleMesh::Create.
 Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelToken& cancel);
 
-/// Memory that PrepareMesh is expected to hold at its peak, `file_bytes` of input included: the
-/// input, twice as much for the parser (ReadMesh) and twice as much for what comes out, which is
-/// what binary PLY and STL need; a text file needs less.
+/// What usual files come to while they are prepared, `file_bytes` of input included, for those
+/// whose counts are not known yet; others need up to 25 times as much as their bytes. With counts:
+/// PreparePeakBytes (core/scene/mesh_memory.h).
 constexpr std::uint64_t EstimatePrepareBytes(std::uint64_t file_bytes) { return 5 * file_bytes; }
 
 /// What no mesh of so many bytes can do without: its bytes are held while they are parsed.
