@@ -18,8 +18,8 @@ function(kdray_settings target)
   target_compile_options(${target} PRIVATE
     -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wcast-align -Wunused
     -Wdouble-promotion -Wimplicit-fallthrough
-    # Errors with the compiler that we develop with. g++ 12 warns of "text" + std::string itself (GCC bug 105651).
-    $<$<CXX_COMPILER_ID:GNU>:-Werror -Wno-restrict>
+    # g++ 12 warns of "text" + std::string itself (GCC bug 105651).
+    $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
     -ffp-contract=off -fno-tree-slp-vectorize -fno-math-errno -fstack-protector-strong)
   target_compile_definitions(${target} PRIVATE KDRAY_VERSION="${PROJECT_VERSION}")
   if(KDRAY_SANITIZE)

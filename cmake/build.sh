@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Configures and builds a preset of CMakePresets.json: cmake/build.sh PRESET [TARGET...]. Used by server/run,
 # tests/run and the Dockerfile; by hand, `cmake --preset P && cmake --build --preset P` does the same.
+# KDRAY_WARNINGS_AS_ERRORS=ON makes warnings errors, as .ci/run and the preset dev do.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 preset=$1
@@ -19,7 +20,9 @@ processors=$(nproc)
 
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
-if ! cmake --preset "$preset" >"$log" 2>&1; then
+settings=()
+[[ ${KDRAY_WARNINGS_AS_ERRORS:-} ]] && settings=(-D "CMAKE_COMPILE_WARNING_AS_ERROR=$KDRAY_WARNINGS_AS_ERRORS")
+if ! cmake --preset "$preset" "${settings[@]}" >"$log" 2>&1; then
   cat "$log" >&2
   exit 1
 fi
