@@ -126,9 +126,10 @@ api::Problem ToProblem(const core::Error& error, api::ErrorCode not_found) {
   problem.line = error.line;
   switch (problem.code) {
     case api::ErrorCode::kInternal:
-      problem.detail = error.code == core::ErrorCode::kCorrupt
-                           ? "the stored mesh is damaged or cannot be read; uploading it again repairs it"
-                           : "the server made a mistake or its disk failed";
+      problem.detail =
+          error.code == core::ErrorCode::kCorrupt
+              ? "the stored mesh is damaged or cannot be read; uploading it again repairs it"
+              : "the server made a mistake or its disk failed";
       break;
     case api::ErrorCode::kInvalidParameter:
       problem.parameter = FieldOf(error.message);

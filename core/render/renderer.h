@@ -52,7 +52,7 @@ struct RenderSpec {
   std::size_t max_cells = 16384;  ///< more are refused: kInvalidArgument, `cells_depth`
   std::optional<Region> region = std::nullopt;  ///< part of the image to render; left out: all of
                                                 ///< it. At most kMaxSide a side
-  std::uint64_t seed = 0;  ///< of the sample positions
+  std::uint64_t seed = 0;                       ///< of the sample positions
 
   // With one of these, the pixels of kShaded and kNormal decide how many samples they take, up to
   // max_samples, and `samples` does not count.

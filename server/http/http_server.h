@@ -1,6 +1,6 @@
-// The adaptor: HTTP/1.1 over TCP, by cpp-httplib 0.11 or 0.18. Its .cc is the only file that includes the
-// library, whose defaults are not fit for hostile clients; what is taken from it and what is done
-// beside it stands there.
+// The adaptor: HTTP/1.1 over TCP, by cpp-httplib 0.11 or 0.18. Its .cc is the only file that
+// includes the library, whose defaults are not fit for hostile clients; what is taken from it and
+// what is done beside it stands there.
 #pragma once
 
 #include <chrono>
