@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cstdlib>
 #include <limits>
 #include <sstream>
 #include <thread>
@@ -146,6 +147,14 @@ std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv) 
 
   try {
     app.parse(argc, argv);
+    // CLI11 2.4 passes a wrong value in the environment in silence; asked again, it says why.
+    for (CLI::Option* option : app.get_options()) {
+      const std::string name = option->get_envname();
+      const char* const value = name.empty() ? nullptr : std::getenv(name.c_str());
+      if (value == nullptr || *value == '\0' || option->count() != 0) continue;
+      option->add_result(value);
+      option->run_callback();
+    }
   } catch (const CLI::ParseError& stop) {
     std::ostringstream out, err;
     const int code = app.exit(stop, out, err);

@@ -349,7 +349,8 @@ class Help(ContractTest):
         units = {"KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
 
         def default_of(name):
-            found = re.search(r"default (\d+)([KMG]iB)\)", options[name]) or re.search(r"=(\d+)() ", options[name])
+            found = (re.search(r"default (\d+)([KMG]iB)\)", options[name])
+                     or re.search(r"=(\d+)() ", options[name]) or re.search(r"\[(\d+)()\]", options[name]))
             return int(found[1]) * units.get(found[2], 1)
 
         for option, limit in (("max_upload", "max_upload_bytes"), ("max_rays", "max_rays"), ("max_pixels", "max_pixels")):
