@@ -64,7 +64,7 @@ std::string Digits(std::string_view with_point, std::size_t most) {
   return digits;
 }
 
-// No float has more digits; so many show it exactly.
+// No float has more digits: this many show it exactly.
 constexpr std::size_t kMostDigits = 120;
 
 // The digits of |value|, rounded to `count` of them, and the power of ten of the last.
