@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
 """Documentation that names what is not there misleads: this finds it.
 
-Checked in every Markdown file: relative links; paths in `backticks` (with * and {a,b}) that begin with a folder of ours or
-are files of the top level; and shell lines ("$ command") in code blocks: scripts must exist and be executable, presets must
-be defined. Checked in every source file: a Markdown file that a comment points to must exist, and a test of the catalogue
-(N01 and so on) must stand in tests/README.md.
+Checked in every Markdown file: relative links; paths in `backticks` (with * and {a,b}) that begin
+with a folder of ours or are files of the top level; and shell lines ("$ command") in code blocks:
+scripts must exist and be executable, presets must be defined. A source file in backticks without
+its folder (`ray_order.h`) must exist in some folder. Checked in every source file: a Markdown file
+that a comment points to must exist, and a test of the catalogue (N01 and so on) must stand in
+tests/README.md.
 """
 import itertools
 import json
@@ -15,6 +17,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+SOURCE_NAME = r"[\w-]+\.(h|cc|inc|cmake|py|sh|js|css)"
 BUILT = ("build/", "out/", ".git/")  # made by the tools, not part of the repository
 
 
@@ -44,6 +47,7 @@ class Checker:
         self.top = {p.name for p in ROOT.iterdir() if p.name not in (".git", "build", "out")}
         presets = json.loads((ROOT / "CMakePresets.json").read_text())
         self.catalogue = set(re.findall(r"^\| (N\d\d) ", (ROOT / "tests/README.md").read_text(), re.MULTILINE))
+        self.source_names = {p.name for p in tracked_files() if re.fullmatch(SOURCE_NAME, p.name)}
         self.presets = {p["name"] for p in presets["configurePresets"] if not p.get("hidden")}
 
     def expect(self, condition, place, text):
@@ -60,6 +64,8 @@ class Checker:
         if is_ours or is_top_level:
             for path in expand_braces(token):
                 self.expect(exists(path), place, f"`{token}`: there is no {path}")
+        elif re.fullmatch(SOURCE_NAME, token) and "NAME" not in token:
+            self.expect(token in self.source_names, place, f"there is no source file {token}")
 
     def shell_line(self, line, place):
         for preset in re.findall(r"--preset[ =](\S+)", line):

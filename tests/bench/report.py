@@ -1,6 +1,10 @@
-"""Turns what the benchmarks found into tables and plots: report.py tradeoff|images|mismatches CSV COMMAND, report.py trace|build FOLDER COMMAND
+"""Turns the benchmarks' results into tables and plots.
 
-Writes the section of that name in tests/bench/README.md, between its two marks, and the plots into docs/.
+  report.py tradeoff|images|mismatches CSV COMMAND
+  report.py trace|build FOLDER COMMAND
+
+Writes the section of that name in tests/bench/README.md, between its two marks, and the plots into
+docs/.
 """
 import csv
 import os
@@ -28,13 +32,13 @@ plt.rcParams.update({"font.size": 9, "axes.grid": True, "grid.alpha": 0.3, "svg.
 
 
 def conditions(command):
-    """What the figures were measured on: machine, command, commit."""
+    """The conditions of the measurement: machine, command, commit."""
     with open("/proc/cpuinfo") as file:
         model = re.search(r"model name\s*:\s*(.*)", file.read())
     def git(*args):
         return subprocess.run(["git", *args], cwd=ROOT, capture_output=True, text=True)
     commit = git("rev-parse", "--short=12", "HEAD").stdout.strip() or "unknown"
-    # What reports write themselves is no change of what was measured.
+    # The reports' own output does not count as a change.
     changed = git("diff", "--quiet", "HEAD", "--", ".", ":!docs", ":!tests/bench/README.md").returncode != 0
     load = os.getloadavg()
     return (f"`{command}`, at commit {commit}{' with changes' if changed else ''}; {model[1] if model else 'unknown processor'}, "
@@ -47,6 +51,22 @@ def save(figure, name):
     plt.close(figure)
 
 
+def wrap(text, columns=100):
+    """Markdown with its prose broken at `columns`; tables, images and headings stay as they are."""
+    wrapped = []
+    for paragraph in text.strip().split("\n\n"):
+        if paragraph.startswith(("|", "!", "#")):
+            wrapped.append(paragraph)
+            continue
+        lines = [""]
+        for word in re.findall(r"(?:`[^`]*`|[^\s`])+", paragraph):
+            if lines[-1] and len(lines[-1]) + 1 + len(word) > columns:
+                lines.append("")
+            lines[-1] += (" " if lines[-1] else "") + word
+        wrapped.append("\n".join(lines))
+    return "\n\n".join(wrapped)
+
+
 def write_section(name, text):
     path = os.path.join(ROOT, "tests", "bench", "README.md")
     begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
@@ -57,7 +77,7 @@ def write_section(name, text):
     head, rest = old.split(begin, 1)
     tail = rest.split(end, 1)[1]
     with open(path, "w") as file:
-        file.write(f"{head}{begin}\n{text.strip()}\n{end}{tail}")
+        file.write(f"{head}{begin}\n{wrap(text)}\n{end}{tail}")
 
 
 def table(header, rows):
@@ -71,7 +91,7 @@ def geometric_mean(values):
 
 
 def rate(count, rays):
-    """A share, or the bound of one that was never seen (95%)."""
+    """A share; for a count of 0, its 95% bound."""
     if rays == 0:
         return "–"
     return f"{count / rays:.2g}" if count else f"0 (< {3 / rays:.1g})"
@@ -130,13 +150,13 @@ def tradeoff(rows, command):
     meshes = len({row["mesh"] for row in rows})
     differences = int(sum(row["differences"] for row in rows))
     write_section("tradeoff", f"""
-{conditions(command)} {meshes} meshes, {closed} of them closed with a point inside; {len(rows)} rows, each the middle of several runs.
-Answers that differed between builds: {differences}. Missed and extra hits from inside closed meshes, but for `fast`: {lost}; the others are
-of rays at outlines and open borders, which touch or pass within rounding.
+{conditions(command)} {meshes} meshes, {closed} of them closed with a point inside; {len(rows)} rows, each the median of several runs.
+Answers that differed between builds: {differences}. Missed and extra hits from inside closed meshes, except in `fast`: {lost}. All other
+missed and extra hits are of rays at outlines and open borders, which touch the mesh or pass it within rounding.
 
-Each precision on `kd-sah`, over all meshes. Speed in million rays a second (geometric mean). Shares are of aimed rays; leaks
-of those from inside closed meshes; a zero shows its 95% bound, 3/N. Errors of t are scaled as their bound is (1e-6 for `watertight`, 1e-14 for `double`;
-`GET /docs` has the formula): 99.9% of the rays of every mesh are below the first, all below the second. `exact` is the reference.
+Each precision on `kd-sah`, over all meshes. Speeds are million rays a second (geometric mean). Shares are of aimed rays; leaks are
+shares of aimed rays from inside closed meshes. A zero is followed by its 95% bound, 3/N. Errors of t are scaled like their bound (1e-6 for `watertight`, 1e-14 for `double`;
+`GET /docs` has the formula). For every mesh, 99.9% of the rays have at most the first error, all have at most the second. `exact` is the reference.
 
 {table(['', 'random Mrays/s', 'aimed Mrays/s', 'leaks', 'other triangle', 'not even a neighbour', 'folds', 'missed', 'extra', 't error 99.9%', 'max'], by_precision)}
 
@@ -220,8 +240,8 @@ def images(rows, command):
     save(figure, "images-error.svg")
     chosen = [p for points in series.values() for p in points if p["series"] not in COLORS or p["samples"] in (4, 16, 64, 256)]
     write_section("images", f"""
-{conditions(command)} 200 x 150 pixels, shaded, `kd-sah`, against a reference in `exact` (4096 samples, unless the command says otherwise). A crack
-is a pixel through which the background shows although the mesh covers it and its neighbours in the reference.
+{conditions(command)} 200 x 150 pixels, shaded, `kd-sah`, compared with a reference in `exact` (4096 samples, unless the command says otherwise). A crack
+is a pixel that shows the background although the mesh covers it and its neighbours in the reference.
 
 {table(['', 'samples', 'seconds', 'RMSE', 'mean FLIP', 'cracks'],
        [[p['series'], f"{p['samples']:.4g}", f"{p['seconds']:.3g}", f"{p['rmse']:.2e}", f"{p['flip']:.2e}", f"{p['cracks']:.0f}"] for p in chosen])}
@@ -341,7 +361,7 @@ def build(folder, command):
     tracing.legend(fontsize=8, ncols=2, loc="upper left")
     save(figure, "build.svg")
     write_section("build", f"""
-{conditions(command)} Times contain the collapse to the wide tree.
+{conditions(command)} Times include the collapse to the wide tree.
 
 ![Build time beside Embree's, speed-up, growth of builds and of rays](../../docs/build.svg)
 
