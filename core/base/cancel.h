@@ -1,6 +1,6 @@
-// When to give up: at a deadline, or when somebody asks. Loops look through a CancelPoll
-// (core/base/cancel_poll.h), which counts the work done, and return kCancelled or
-// kDeadlineExceeded with nothing half done.
+// Cancellation: by a deadline or by request. Loops check the token through a CancelPoll
+// (core/base/cancel_poll.h), which counts the work done. Functions that are cancelled return
+// kCancelled or kDeadlineExceeded and leave nothing half done.
 #pragma once
 
 #include <atomic>
@@ -14,8 +14,8 @@
 
 namespace kdray::core {
 
-/// Copies share one state, so a watcher may call Cancel() while workers ask ShouldStop(). Once it
-/// is time to stop, it stays so. A default-constructed token never stops. Safe from many threads at
+/// Copies share one state, so a watcher may call Cancel() while workers call ShouldStop(). A
+/// stopped token stays stopped. A default-constructed token never stops. Safe from many threads at
 /// once.
 class CancelToken {
  public:
@@ -29,21 +29,20 @@ class CancelToken {
     return token;
   }
   static CancelToken Cancellable() { return WithDeadline(Clock::time_point::max()); }
-  /// Cancelled as soon as `condition` returns true. Every look calls it, from whichever thread
-  /// looks.
+  /// Cancelled as soon as `condition` returns true. Every check calls it, on the checking thread.
   static CancelToken When(std::function<bool()> condition) {
     CancelToken token = Cancellable();
     token.state_->condition = std::move(condition);
     return token;
   }
 
-  /// Asks everyone who holds a copy to stop. No effect on a default-constructed token.
+  /// Stops all copies. No effect on a default-constructed token.
   void Cancel() const {
     if (state_) state_->cancelled.store(true, std::memory_order_relaxed);
   }
 
-  /// kCancelled or kDeadlineExceeded once it is time to stop, else nothing. Reads the clock: some
-  /// 30 ns.
+  /// kCancelled or kDeadlineExceeded when the token has stopped, else nullopt. Reads the clock:
+  /// some 30 ns.
   std::optional<ErrorCode> Reason() const {
     if (!state_) return std::nullopt;
     if (state_->condition && state_->condition()) Cancel();
@@ -55,7 +54,7 @@ class CancelToken {
   }
   bool ShouldStop() const { return Reason().has_value(); }
 
-  /// The Error to return when ShouldStop() said yes.
+  /// The Error to return after ShouldStop() returned true.
   Error ToError() const {
     const ErrorCode code = Reason().value_or(ErrorCode::kCancelled);
     return Error{code, code == ErrorCode::kCancelled ? "cancelled" : "the deadline has passed"};

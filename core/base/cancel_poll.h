@@ -1,5 +1,5 @@
-// Looking at a cancel token by the work done: how every loop whose length depends on the input ends
-// soon after its cancellation.
+// Checks a cancel token at intervals of work done, so every loop whose length depends on the input
+// ends soon after its cancellation.
 #pragma once
 
 #include <algorithm>
@@ -11,18 +11,18 @@
 
 namespace kdray::core {
 
-/// A meter of one thread's work. The unit of work is about a nanosecond; a caller rounds up what
-/// its step may take, within a factor of 10. The token, which reads the clock, is asked at the
-/// first step and then once in kWorkPerLook, so a step that costs more than it says by a factor of
-/// 100 still leaves some 13 ms between two looks.
+/// Counts one thread's work. The unit of work is about a nanosecond. A caller rounds the cost of
+/// its step up, within a factor of 10. The token, which reads the clock, is checked at the first
+/// step and then once in kWorkPerLook. So a step that costs 100 times what it declares still leaves
+/// some 13 ms between two checks.
 class CancelPoll {
  public:
   static constexpr std::uint64_t kWorkPerLook = std::uint64_t{1} << 17;
 
   explicit CancelPoll(CancelToken token) : token_(std::move(token)) {}
 
-  /// Counts a step of that much work. Returns whether it is time to stop; once true, always true,
-  /// so the answer of a step inside another one may be ignored. The usual case is a subtraction.
+  /// Counts a step of `work` units. Returns whether to stop; once true, always true, so the result
+  /// of a nested step may be ignored. The usual case is a subtraction.
   bool Spend(std::uint64_t work) {
     if (work < left_) [[likely]] {
       left_ -= work;
@@ -39,7 +39,7 @@ class CancelPoll {
 
  private:
   [[gnu::cold, gnu::noinline]] bool Look() {
-    // After a stop nothing is left, so that every step comes here.
+    // After a stop `left_` stays 0, so every step comes here.
     stopped_ = stopped_ || token_.ShouldStop();
     left_ = stopped_ ? 0 : kWorkPerLook;
     return stopped_;
@@ -50,8 +50,8 @@ class CancelPoll {
   bool stopped_ = false;
 };
 
-/// f(i) for each i in [0, count), each counted as `work`, which is small: the poll is asked once in
-/// 1024. False when it has stopped; then some were left out.
+/// f(i) for each i in [0, count), each counted as `work`, which must be small: the poll is charged
+/// once in 1024. False when it has stopped; then f was not called for some i.
 template <class F>
 bool PolledLoop(std::size_t count, std::uint64_t work, CancelPoll* poll, const F& f) {
   constexpr std::size_t kPiece = 1024;

@@ -5,7 +5,7 @@
 namespace kdray::core {
 namespace {
 
-// Each value passes through a volatile, so that the processor computes it and not the compiler.
+// Each value passes through a volatile, so the processor computes it, not the compiler.
 
 template <class T>
 bool FlushesToZero() {
@@ -22,9 +22,9 @@ bool ReadsDenormalsAsZero() {
   return product == T{0};
 }
 
-/// Half a unit in the last place of 1, and a little more: to nearest they round to 1 and to its
-/// successor. Upwards the first fails, downwards and towards zero the second; on the negative side
-/// it is the other way round.
+/// 1 plus half an ulp, and 1 plus slightly more than half an ulp. Rounding to nearest gives 1 and
+/// its successor. Rounding up changes the first result, rounding down or towards zero the second;
+/// for negative numbers it is the reverse.
 template <class T>
 bool RoundsToNearest() {
   const volatile T one = T{1};

@@ -22,10 +22,10 @@ struct Sha256Digest {
   friend auto operator<=>(const Sha256Digest&, const Sha256Digest&) = default;
 };
 
-/// True and the digest for exactly 64 lower-case hexadecimal digits.
+/// Returns true and sets *digest for exactly 64 lower-case hexadecimal digits.
 bool ParseSha256Hex(std::string_view hex, Sha256Digest* digest);
 
-/// Incremental hashing, so that an upload is hashed while it arrives. One thread at a time.
+/// Incremental hashing, to hash an upload while it arrives. For one thread at a time.
 class Sha256 {
  public:
   Sha256();
@@ -34,7 +34,7 @@ class Sha256 {
   Sha256& operator=(Sha256&&) noexcept;
 
   void Update(std::span<const std::byte> bytes);
-  /// The digest of everything so far; call once.
+  /// The digest of all bytes so far; call once.
   Sha256Digest Finish();
 
  private:

@@ -13,7 +13,7 @@ void* AllocateHuge(std::size_t bytes) {
   const std::size_t rounded = (bytes + alignment - 1) / alignment * alignment;
   void* memory = std::aligned_alloc(alignment, rounded);
   if (memory == nullptr) throw std::bad_alloc();
-  // Advice: when there are no huge pages left, small ones do.
+  // Only advice: without free huge pages the kernel uses small ones.
   if (alignment == kHugePage) static_cast<void>(madvise(memory, rounded, MADV_HUGEPAGE));
   return memory;
 }

@@ -1,5 +1,5 @@
-// Memory on huge pages: traversal touches memory at random, and with 4 KiB pages a good part of its
-// time goes to looking up addresses.
+// Memory on huge pages. Traversal accesses memory at random; with 4 KiB pages, translating
+// addresses takes a large part of its time.
 #pragma once
 
 #include <cstddef>
@@ -9,13 +9,13 @@
 
 namespace kdray::core {
 
-/// Aligned to a cache line, and from 2 MiB on to a huge page, which the kernel is then asked for
-/// (it gives them only when asked, on most systems, and not always). Throws std::bad_alloc.
+/// Aligned to a cache line; from 2 MiB on, aligned to a huge page and marked for huge pages (most
+/// kernels use them only when advised to, and not always). Throws std::bad_alloc.
 void* AllocateHuge(std::size_t bytes);
 void FreeHuge(void* memory);
 
-/// For std::vector. Elements made without a value have none until they are written: a large vector
-/// is filled by many threads, and to fill it first on one would take as long.
+/// For std::vector. Elements constructed without a value stay uninitialised: many threads fill a
+/// large vector, and zeroing it first on one thread would take as long.
 template <class T>
 struct HugePageAllocator {
   using value_type = T;

@@ -1,7 +1,7 @@
 // core/base/parallel.h on plain threads, for ThreadSanitizer. oneTBB's library is not instrumented,
-// so the sanitizer reports races inside it that are none, and to silence those would silence ours
-// in the same frames. With threads of the standard library every report is about our own code.
-// Slow on purpose: threads are made for each call, and a call from inside another one is serial.
+// so the sanitizer reports false positives inside it. Suppressing them would also suppress our own
+// races in the same frames. With threads of the standard library every report is about our own
+// code. Simple and slow: each call creates threads, and a nested call is serial.
 #pragma once
 
 #include <atomic>

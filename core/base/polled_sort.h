@@ -1,4 +1,4 @@
-// Sorting that can be interrupted: for lists whose length the input decides.
+// Sorting that can be cancelled, for lists whose length depends on the input.
 #pragma once
 
 #include <algorithm>
@@ -14,11 +14,11 @@
 
 namespace kdray::core {
 
-// A comparison, or a step over one value, counts as `work` (CancelPoll). All return false when the
-// poll has stopped; the values are then in any order, and some may be moved from.
+// A comparison, or a step over one value, counts as `work` (CancelPoll). All functions return false
+// when the poll has stopped; the values are then in any order, and some may be moved from.
 
-/// Brings the first `keep` of the values by `less` to the front, in order; the others are anything
-/// afterwards. O(n log n) comparisons, and a second list of the size of the first.
+/// Moves the first `keep` values by `less` to the front, in order; the other values are unspecified
+/// afterwards. O(n log n) comparisons, and a second list of the same size.
 template <class T, class Less>
 bool PolledPartialSort(std::span<T> values, std::size_t keep, std::uint64_t work, CancelPoll* poll,
                        const Less& less);
@@ -29,12 +29,12 @@ bool PolledSort(std::span<T> values, std::uint64_t work, CancelPoll* poll, const
   return PolledPartialSort(values, values.size(), work, poll, less);
 }
 
-/// std::sort with a poll and without a second list, which takes some times as long for long lists.
+/// std::sort with a poll and without a second list; several times slower for long lists.
 template <class T, class Less = std::less<>>
 bool PolledSortInPlace(std::span<T> values, std::uint64_t work, CancelPoll* poll,
                        const Less& less = {});
 
-/// std::partition with a poll: *first_false is where the values begin for which `is_first` is
+/// std::partition with a poll. *first_false is the index of the first value for which `is_first` is
 /// false.
 template <class T, class IsFirst>
 bool PolledPartition(std::span<T> values, std::uint64_t work, CancelPoll* poll,
@@ -50,8 +50,8 @@ bool PolledNthElement(std::span<T> values, std::size_t n, std::uint64_t work, Ca
 template <class T, class Less>
 bool PolledPartialSort(std::span<T> values, std::size_t keep, std::uint64_t work, CancelPoll* poll,
                        const Less& less) {
-  // Pieces that take no longer than a look at the token may be apart; then a merge sort from the
-  // bottom up. Of a run no more than `keep` values matter, so that is all that a merge makes of it.
+  // Sorts pieces that fit between two checks of the token, then merges them bottom up. Only the
+  // first `keep` values of a run matter, so a merge writes only these.
   const auto piece = static_cast<std::size_t>(
       std::bit_floor(std::clamp<std::uint64_t>((1 << 16) / work, 16, 1 << 14)));
   const std::size_t size = values.size();
@@ -96,7 +96,7 @@ bool PolledSortInPlace(std::span<T> values, std::uint64_t work, CancelPoll* poll
     std::sort(values.begin(), values.end(), less);
     return true;
   }
-  // A heap is built and taken down in steps of O(log n).
+  // Heapsort: each step is O(log n).
   for (std::size_t size = 2; size <= values.size(); ++size) {
     if (poll->Spend(work)) return false;
     const std::span<T> heap = values.first(size);
@@ -131,8 +131,8 @@ bool PolledPartition(std::span<T> values, std::uint64_t work, CancelPoll* poll,
 template <class T, class Less>
 bool PolledNthElement(std::span<T> values, std::size_t n, std::uint64_t work, CancelPoll* poll,
                       const Less& less) {
-  // Quickselect, down to what takes no time. The pivot is the middle of values from all over the
-  // list; should an input defeat that, sorting ends it.
+  // Quickselect, until std::nth_element is quick enough. The pivot is the median of a sample from
+  // the whole list. If an input defeats that, the list is sorted.
   constexpr std::size_t kSmall = std::size_t{1} << 15;
   constexpr std::size_t kSample = 255;
   for (int round = 0; values.size() > kSmall; ++round) {

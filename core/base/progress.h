@@ -1,11 +1,11 @@
-// How far a long piece of work is, for people who wait for it.
+// The progress of a long piece of work, for people who wait for it.
 #pragma once
 
 #include <atomic>
 
 namespace kdray::core {
 
-/// A fraction 0..1 that only grows. Written by workers, read by anyone, at any time.
+/// A fraction 0..1 that only grows. Safe from many threads at once.
 class Progress {
  public:
   /// Adds to the fraction done; the sum is clamped to 1.

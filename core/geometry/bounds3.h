@@ -10,7 +10,7 @@
 
 namespace kdray::core {
 
-/// The closed box [min, max]. Empty() is inverted, so that Extend() needs no special first case.
+/// The closed box [min, max]. Empty() is inverted, so Extend() needs no special first case.
 template <class T>
 struct Bounds3 {
   Vec3<T> min, max;
@@ -53,13 +53,13 @@ struct Bounds3 {
 using Bounds3f = Bounds3<float>;
 using Bounds3d = Bounds3<double>;
 
-/// Common part of two boxes; empty (inverted) when they are apart.
+/// The intersection of two boxes; empty (inverted) when they are disjoint.
 template <class T>
 Bounds3<T> Intersection(const Bounds3<T>& a, const Bounds3<T>& b) {
   return {Max(a.min, b.min), Min(a.max, b.max)};
 }
 
-/// The next float above: std::nextafter(x, infinity), which calls the library, for x < infinity.
+/// std::nextafter(x, infinity) for x < infinity, without a library call.
 inline float NextAbove(float x) {
   const float positive_zero = x + 0.0f;
   const std::int32_t bits = std::bit_cast<std::int32_t>(positive_zero);

@@ -7,12 +7,12 @@
 
 namespace kdray::core {
 
-/// The smallest height of a triangle; infinite when that cannot be computed.
+/// The smallest height of a triangle; infinite when it cannot be computed.
 double SmallestHeight(const Triangle2& triangle);
 
-/// The largest distance from the triangle's boundary that some points of the segment p, q within
-/// the triangle have; 0 when it does not meet the triangle. An estimate: rounded, and at most 4
-/// times too small. The triangle is counterclockwise.
+/// The largest distance from the triangle's boundary of a point of segment p, q inside the
+/// triangle; 0 when the segment does not meet the triangle. An estimate: rounded, and at most 4
+/// times too small. The triangle must be counterclockwise.
 double ChordDepth(const Triangle2& triangle, Point2 p, Point2 q);
 
 }  // namespace kdray::core

@@ -11,8 +11,8 @@ namespace kdray::core {
 namespace {
 
 // A convex polygon, one array per axis. A plane adds one corner for every run of corners that it
-// cuts off. Rounding may dent the polygon, so that there are several runs; even if every second
-// corner were cut off each time, six planes would leave 28.
+// cuts off. Rounding may make the polygon slightly concave, with several runs. Even if each of six
+// planes cut off every second corner, 28 would remain.
 struct Polygon {
   static constexpr std::size_t kMaxCorners = 28;
   double at[3][kMaxCorners];
@@ -105,12 +105,12 @@ Bounds3f ClippedBounds(const std::array<Vec3d, 3>& corners, const Bounds3f& box)
 // rest of 8 delta covers the rounding of the planes and of the widening.
 namespace {
 
-// More than all operations may lose below the normal floats; normal itself, since processors are
-// slow on others.
+// More than all operations can lose to underflow; itself a normal number, because processors are
+// slow on denormals.
 constexpr float kUnderflow = 0x1p-120f;
 
 struct FloatPolygon {
-  // One more than it has: each is written before it is known whether it counts.
+  // One more than needed: each corner is written before it is known whether it counts.
   Float4 corners[Polygon::kMaxCorners + 1];
   std::size_t size;
 };
@@ -126,8 +126,8 @@ Float4 Crossing(Float4 from, Float4 edge, float from_at, float edge_at, float pl
   return lane ? Fill4(plane) : made;
 }
 
-// Keeps what lies on the inner side of the plane. Without branches, which could not be foretold,
-// and without writing single lanes, for which the next read would wait.
+// Keeps what lies on the inner side of the plane. Without branches, which would be unpredictable,
+// and without writing single lanes, which would stall the next read.
 void ClipAtPlane(const FloatPolygon& in, int axis, float plane, float side, FloatPolygon* out) {
   const Int4 lane = LaneOf(axis);
   Float4 previous = in.corners[in.size - 1];
@@ -183,7 +183,7 @@ class HalfRange {
   Float4 high_ = Fill4(-std::numeric_limits<float>::infinity());
 };
 
-// Whether a float can tell the places along the triangle apart.
+// Whether floats resolve positions along the triangle.
 bool IsResolved(Float4 extent, Float4 largest) {
   constexpr float kResolution = 0x1p-13f;
   return !IsAny((extent < Fill4(kResolution) * largest) & (extent > Fill4(0)));

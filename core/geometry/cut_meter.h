@@ -1,4 +1,4 @@
-// Counts what the cutting of polygons costs, for a bound per file and for cancellation.
+// Counts the cost of triangulating polygons, for a limit per file and for cancellation.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,8 @@
 
 namespace kdray::core {
 
-/// Counts steps of about a nanosecond. The same input takes the same steps on every machine, so a
-/// file that is refused for its cost is refused everywhere. Not safe from two threads at once.
+/// Counts steps of about a nanosecond. The same input takes the same number of steps on every
+/// machine, so a file that exceeds the limit does so everywhere. Not safe from two threads at once.
 class CutMeter {
  public:
   /// No step is allowed yet.
@@ -18,8 +18,8 @@ class CutMeter {
 
   void Allow(std::uint64_t steps) { allowed_ += steps; }
 
-  /// Counts steps. True when it is time to give up: the token asks for it, or more steps were
-  /// spent than allowed. Once true, true for ever unless more is allowed.
+  /// Counts steps. Returns true when the work must stop: the token has stopped, or more steps were
+  /// spent than allowed. Once true, it stays true unless Allow() adds steps.
   bool Spend(std::uint64_t steps) {
     spent_ += steps;
     return poll_.Spend(steps) || exhausted();
@@ -28,7 +28,7 @@ class CutMeter {
   bool exhausted() const { return spent_ > allowed_; }
   std::uint64_t allowed() const { return allowed_; }
   std::uint64_t spent() const { return spent_; }
-  /// The token's.
+  /// The token's error.
   Error ToError() const { return poll_.ToError(); }
 
  private:

@@ -1,4 +1,4 @@
-// Unevaluated sums of two doubles, some 106 bits: what lies between a filter in double and exact
+// Unevaluated sums of two doubles, some 106 bits: the stage between a filter in double and exact
 // integers.
 #pragma once
 
@@ -7,10 +7,10 @@
 namespace kdray::core {
 
 /// high + low with |low| <= ulp(high) / 2. Each operation below is exact or has a relative error
-/// under 2^-102, as long as nothing underflows. Source: Dekker 1971; Joldes, Muller, Popescu,
-/// "Tight and rigorous error bounds for basic building blocks of double-word arithmetic", ACM TOMS
-/// 44(2), 2017. Inlined by force: where the caller is compiled for fused multiply-add, std::fma
-/// becomes one instruction.
+/// below 2^-102, unless it underflows. Source: Dekker 1971; Joldes, Muller, Popescu, "Tight and
+/// rigorous error bounds for basic building blocks of double-word arithmetic", ACM TOMS 44(2),
+/// 2017. Always inlined: in a caller compiled for fused multiply-add, std::fma becomes one
+/// instruction.
 struct DoubleDouble {
   double high = 0;
   double low = 0;

@@ -13,7 +13,7 @@ namespace {
 /// bits * 2^exponent, where the last of at least 55 bits stands for all that was cut off after it.
 double Round(std::uint64_t bits, long exponent) {
   const long count = static_cast<long>(std::bit_width(bits));
-  // Results below 2^-1022 have fewer digits, and are rounded once all the same.
+  // Results below 2^-1022 have fewer digits; they too are rounded only once.
   const long digits = std::min(53L, count + exponent + 1074);
   if (digits < 0) return 0;
   const long dropped = count - digits;
@@ -21,7 +21,7 @@ double Round(std::uint64_t bits, long exponent) {
   const std::uint64_t rest = bits - (kept << dropped);
   const std::uint64_t half = std::uint64_t{1} << (dropped - 1);
   if (rest > half || (rest == half && (kept & 1u) != 0)) ++kept;
-  constexpr long kBeyond = 2000;  // everything
+  constexpr long kBeyond = 2000;  // all bits
   return std::ldexp(static_cast<double>(kept),
                     static_cast<int>(std::min(exponent + dropped, kBeyond)));
 }
@@ -33,7 +33,7 @@ Dyadic::Dyadic(double value) {
   if (value == 0) return;
   int exponent = 0;
   const double fraction = std::frexp(std::fabs(value), &exponent);
-  // Odd, so that numbers of few digits stay short.
+  // The mantissa is odd, so numbers with few digits stay short.
   const auto mantissa = static_cast<std::uint64_t>(std::ldexp(fraction, 53));
   const int zeros = std::countr_zero(mantissa);
   limbs_[0] = mantissa >> zeros;
@@ -139,7 +139,7 @@ Dyadic Dyadic::Quotient(const Dyadic& numerator, const Dyadic& denominator, int 
   assert(denominator.sign_ != 0);
   Dyadic quotient;
   if (numerator.sign_ == 0) return quotient;
-  // An integer quotient, of whichever of the two has to be shifted.
+  // An integer quotient; the numerator or the denominator is shifted.
   const long shift = numerator.exponent_ - denominator.exponent_ - exponent;
   Dyadic n, d, rest;
   n.SetShifted(numerator, std::max(shift, 0L));
@@ -156,8 +156,8 @@ Dyadic Dyadic::Quotient(const Dyadic& numerator, const Dyadic& denominator, int 
 double Dyadic::Quotient(const Dyadic& numerator, const Dyadic& denominator) {
   assert(denominator.sign_ != 0);
   if (numerator.sign_ == 0) return 0;
-  // A quotient of 55 or 56 bits: 53 for the result, two or three to round by; what is cut off after
-  // them sets the last bit.
+  // A quotient of 55 or 56 bits: 53 for the result, two or three for rounding. The last bit is set
+  // if any remainder is not 0.
   const long shift = 55 - (numerator.Bits() - denominator.Bits());
   Dyadic n, d, rest;
   n.SetShifted(numerator, std::max(shift, 0L));

@@ -1,7 +1,7 @@
-// Numbers m * 2^e with integers of any size that arises here: sums and products of doubles without
-// rounding, underflow or overflow. The last resort of the precision `exact`, for signs and orders
-// that neither a filter in double nor double-double arithmetic settles. GMP's functions on arrays
-// do the work, in fixed arrays, so nothing is allocated.
+// Numbers m * 2^e with large integers m: sums and products of doubles without rounding, underflow
+// or overflow. The last resort of the precision `exact`, for signs and orders that neither a filter
+// in double nor double-double arithmetic decides. Computed by GMP's functions on fixed arrays, so
+// nothing is allocated.
 #pragma once
 
 #include <gmp.h>
@@ -26,7 +26,7 @@ class Dyadic {
   friend Dyadic operator-(const Dyadic& a, const Dyadic& b) { return Sum(a, b, -b.sign_); }
   friend Dyadic operator*(const Dyadic& a, const Dyadic& b);
 
-  /// This times 2^exponent, exactly.
+  /// *this * 2^exponent, exactly.
   Dyadic TimesPowerOfTwo(int exponent) const {
     Dyadic product(*this);
     product.exponent_ += exponent;
@@ -56,7 +56,7 @@ class Dyadic {
   void DropZeros();
   long Bits() const;  // of the mantissa
 
-  // Not initialised beyond size_, which is 0 exactly when sign_ is.
+  // Not initialised beyond size_; size_ is 0 exactly when sign_ is 0.
   mp_limb_t limbs_[kLimbs];
   int size_ = 0;
   int sign_ = 0;

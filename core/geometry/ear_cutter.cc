@@ -9,8 +9,8 @@
 namespace kdray::core {
 namespace {
 
-// Looking at edges takes n^2 steps where long ones lie askew. Where it takes more than this,
-// corners have to do for the rest.
+// Testing edges takes n^2 steps if long edges lie askew. After this many steps only corners are
+// tested.
 constexpr std::uint64_t kEdgeSteps = std::uint64_t{1} << 27;
 constexpr std::uint64_t kEdgeStepsPerCorner = 20'000;
 
@@ -62,12 +62,12 @@ void EarCutter::Begin(std::span<const Point2> path, bool force) {
   for (std::uint32_t i = 0; i < n && !meter_->Spend(20); ++i) Update(i);
 }
 
-// The order of the cuts: corners at which the path turns back, since the comparison of parts that
-// run along each other relies on there being none; ears; ears whose diagonal has corners on it; and
-// corners with a straight angle. Each of these leaves a weakly simple path weakly simple, and one
-// of them exists: such a path has triangles that all turn left or are without area, since the
-// simple paths near it do, and two of them are ears. Going on one corner further after an ear gives
-// rounder triangles than a fan around one corner.
+// The order of the cuts: first corners at which the path turns back, because the comparison of
+// coinciding parts relies on their absence; then ears; then ears with corners on their diagonal;
+// then corners with a straight angle. Each cut keeps a weakly simple path weakly simple. One of
+// them always exists: the simple paths near such a path have triangulations, so the path has one
+// whose triangles turn left or have no area, and two of these are ears. Continuing one corner
+// further after an ear gives rounder triangles than a fan around one corner.
 EarCutter::Outcome EarCutter::Cut(std::span<const Point2> path, bool force,
                                   std::vector<Triangle>* triangles) {
   if (path.size() < 3) return Outcome::kDone;
@@ -116,7 +116,7 @@ bool EarCutter::TurnsBack(std::uint32_t i) const {
   return a == b || b == c || (corners_[i].turn == 0 && Before(a, b) != Before(b, c));
 }
 
-// To be called whenever the neighbors of a corner have changed.
+// Must be called when the neighbors of a corner have changed.
 void EarCutter::Update(std::uint32_t i) {
   Corner& corner = corners_[i];
   const auto [a, b, c] = TriangleAt(i);
@@ -164,12 +164,12 @@ void EarCutter::Rebuild() {
                over_edges_ ? RingBoxes::Over::kEdges : RingBoxes::Over::kCorners);
 }
 
-// A left turn is an ear when no part of the path lies within its triangle. Where edges do not cross
-// each other, a part that does has a corner in the closed triangle from which an edge goes into the
-// open one, or it runs along both sides of the ear and lies within. (A part that runs along one
-// side leaves it on the outer side, or by an edge into the open triangle.) Where edges cross, they
-// are looked at themselves. A blocker is the corner found: as long as neither it nor its neighbors
-// are cut, the ear stays blocked.
+// A left turn is an ear if no part of the path lies inside its triangle. If edges do not cross, a
+// part inside has a corner in the closed triangle from which an edge enters the open triangle, or
+// it follows both sides of the ear on the inner side. (A part that follows one side leaves it
+// outwards, or by an edge into the open triangle.) If edges cross, the edges themselves are tested.
+// The corner found is the blocker: the ear stays blocked until the blocker or one of its neighbors
+// is cut.
 EarCutter::Verdict EarCutter::Test(std::uint32_t i) {
   const bool was_over_edges = over_edges_;
   over_edges_ = over_edges_ && meter_->spent() < edge_steps_end_;
@@ -219,7 +219,7 @@ bool EarCutter::LeadsInside(const Triangle2& triangle, const Sides& at, std::uin
 }
 
 // Whether the edge from a corner meets the open triangle: neither a side of the triangle nor the
-// line of the edge has the two on different sides.
+// line of the edge separates the two.
 bool EarCutter::EdgeMeets(const Triangle2& triangle, const Sides& at, std::uint32_t corner) const {
   const Point2 p = ring_.point(corner);
   const Point2 q = ring_.point(ring_.next(corner));
@@ -228,7 +228,7 @@ bool EarCutter::EdgeMeets(const Triangle2& triangle, const Sides& at, std::uint3
          HasCornersOnBothSides(triangle, p, q);
 }
 
-// For a corner at the position of an ear: whether both its edges run along those of the ear, on the
+// For a corner at the position of an ear: whether both its edges follow those of the ear, on the
 // ear's inner side.
 bool EarCutter::RunsInside(std::uint32_t ear, std::uint32_t other) {
   const auto [a, b, c] = TriangleAt(ear);
@@ -244,9 +244,9 @@ bool EarCutter::RunsInside(std::uint32_t ear, std::uint32_t other) {
   const bool opposite = along_ab(after) && along_bc(before);
   if (!same && !opposite) return false;
   // Seen from b, the inside lies to the right of the way to a and to the left of the way to c. One
-  // comparison decides, unless the two parts turn back into each other at its end.
-  // Parts that never part are those of a path that is not weakly simple, as one that goes around
-  // many times; to follow them for every pair would take long.
+  // comparison decides, unless the two parts turn back into each other at its end. Parts that never
+  // separate belong to a path that is not weakly simple, for example one that winds many times;
+  // following them for every pair would take long.
   if (has_endless_parts_) return false;
   if (const int side = Compare(ear, false, other, opposite); side != 0) return side < 0;
   const int side = Compare(ear, true, other, same);
@@ -255,7 +255,7 @@ bool EarCutter::RunsInside(std::uint32_t ear, std::uint32_t other) {
 }
 
 // Two ways through the ring, forward or backward, that leave one point in the same direction: +1
-// when the other one leaves the first to the left, -1 to the right, 0 when they never part.
+// when the other one leaves the first to the left, -1 to the right, 0 when they never separate.
 int EarCutter::Compare(std::uint32_t from, bool forward, std::uint32_t other, bool other_forward) {
   const auto step = [&](std::uint32_t i, bool ahead) {
     return ahead ? ring_.next(i) : ring_.previous(i);
@@ -324,8 +324,8 @@ void EarCutter::WakeWatchers(std::uint32_t blocker) {
   }
 }
 
-// Ranks are kept from one call to the next. One that has become too high, because what it reached
-// across is gone, does no harm but that its corner is cut later; one that is too low is found when
+// Ranks are kept from one call to the next. A rank that has become too high, because the edges that
+// it counted are gone, only delays the cut of its corner. A rank that is too low is corrected when
 // it comes first.
 std::uint32_t EarCutter::LeastHarmful() {
   if (!ranked_) {
@@ -354,13 +354,13 @@ std::uint32_t EarCutter::LeastHarmful() {
 void EarCutter::AddRank(std::uint32_t i) { ranks_.push({Harm(i), {i, corners_[i].version}}); }
 
 // How far other edges reach into the triangle, at most its smallest height; for a right turn, whose
-// triangle lies outside, all of that.
+// triangle lies outside, the whole smallest height.
 double EarCutter::Harm(std::uint32_t i) const {
   meter_->Spend(50);
   const Triangle2 triangle = TriangleAt(i);
   const double height = SmallestHeight(triangle);
   if (corners_[i].turn <= 0) return height;
-  constexpr int kMostEdges = 64;  // beyond them an estimate will do
+  constexpr int kMostEdges = 64;  // with more edges an estimate is enough
   int edges = 0;
   double harm = 0;
   boxes_.Visit(triangle, [&](std::uint32_t edge) {

@@ -1,4 +1,4 @@
-// Cuts a closed path, which may touch itself, into triangles.
+// Triangulates a closed path, which may touch itself, by ear clipping.
 #pragma once
 
 #include <array>
@@ -17,11 +17,11 @@
 
 namespace kdray::core {
 
-/// Cuts paths by ears (G. H. Meisters, "Polygons Have Ears", American Mathematical Monthly 82,
-/// 1975). The paths may be weakly simple: they touch themselves, but however little one may move
-/// the corners, some such move makes them simple (H.-C. Chang, J. Erickson, C. Xu, "Detecting
-/// Weakly Simple Polygons", SODA 2015). Every decision is exact. Boxes find what may lie in an ear.
-/// Not safe from two threads at once.
+/// Ear clipping (G. H. Meisters, "Polygons Have Ears", American Mathematical Monthly 82, 1975). The
+/// paths may be weakly simple: they may touch themselves, but an arbitrarily small move of the
+/// corners makes them simple (H.-C. Chang, J. Erickson, C. Xu, "Detecting Weakly Simple Polygons",
+/// SODA 2015). Every decision is exact. A tree of boxes finds what may lie in an ear. Not safe from
+/// two threads at once.
 class EarCutter {
  public:
   /// Corners of the path, counted from 0.
@@ -30,25 +30,25 @@ class EarCutter {
     kDone,    ///< n - 2 triangles, none of which turns clockwise
     kForced,  ///< n - 2 triangles, some of which may overlap or turn clockwise
     kStuck,   ///< not done: the path is not weakly simple or not counterclockwise
-    kStopped  ///< not done: the meter says so
+    kStopped  ///< not done: the meter has stopped
   };
 
   /// The meter must outlive this object. Some 1,000 to 3,000 steps a corner are usual.
   explicit EarCutter(CutMeter* meter) : meter_(meter), boxes_(&ring_, meter) {}
 
-  /// Appends the triangles of a path of n corners that goes around its inside counterclockwise:
-  /// n - 2 that use its corners in its order, so that together they have its boundary. When none
-  /// turns clockwise, each point off the path lies in as many triangles as the path goes around it:
-  /// one inside, none outside, for a weakly simple path. Where the path has a straight
-  /// angle, turns back, or touches itself, triangles may be without area.
+  /// Appends n - 2 triangles of a path of n corners that goes counterclockwise around its inside.
+  /// They use the path's corners in its order, so their common boundary is the path. If no triangle
+  /// turns clockwise, each point off the path lies in k triangles, where k is the path's winding
+  /// number there: 1 inside and 0 outside for a weakly simple path. Where the path has a straight
+  /// angle, turns back, or touches itself, triangles may have no area.
   ///
-  /// When no ear is left, the path is not weakly simple: without `force` the outcome is kStuck;
-  /// with it, the corner is cut whose triangle reaches least across other edges. So a crossing that
-  /// only rounding made costs an area of its own size. Some triangles may have been appended when
-  /// the outcome is kStuck or kStopped. O(n log n) for what files usually hold.
+  /// If no ear is left, the path is not weakly simple. Without `force` the outcome is then kStuck.
+  /// With `force`, the corner is cut whose triangle other edges enter least far; so a crossing
+  /// caused by rounding costs an area of its own size. If the outcome is kStuck or kStopped, some
+  /// triangles may have been appended. O(n log n) for polygons as in real files.
   Outcome Cut(std::span<const Point2> path, bool force, std::vector<Triangle>* triangles);
 
-  /// What Cut() takes for a path of n corners, at most.
+  /// Upper bound of Cut()'s memory for each corner of the path.
   static constexpr std::uint64_t kScratchBytesPerCorner = 160;
 
  private:
@@ -62,7 +62,7 @@ class EarCutter {
     std::int8_t turn = 0;       // Orient2d(previous, this, next)
     bool left = true;           // not cut yet
   };
-  // On which side of each side of a triangle a point lies; positive: on the inner one.
+  // The sides of a triangle on which a point lies: positive is inside, for each of the three edges.
   struct Sides {
     int ab, bc, ca;
   };
@@ -100,9 +100,8 @@ class EarCutter {
   IndexSet untested_;                        // left turns whose ear is to be tested
   IndexSet touched_;                         // left turns with a corner on the diagonal only
   IndexSet straight_;
-  bool has_endless_parts_ =
-      false;                 // whether two parts were found that run along each other for ever
-  bool over_edges_ = false;  // whether edges are looked at, not only corners
+  bool has_endless_parts_ = false;       // whether two parts were found that coincide without end
+  bool over_edges_ = false;              // whether edges are tested, not only corners
   std::uint64_t edge_steps_end_ = 0;     // when that ends
   bool ranked_ = false;                  // whether ranks_ was filled
   std::vector<std::uint32_t> unranked_;  // corners to be ranked again

@@ -10,9 +10,9 @@ namespace kdray::core {
 using PrimitiveId = std::uint32_t;
 inline constexpr PrimitiveId kNoPrimitive = 0xffffffffu;
 
-/// One row of a batch's answer. A miss has primitive_id == kNoPrimitive and t = infinity; a ray
-/// that cannot be (see IsValid) is a miss with t = NaN. The numbers of a hit are finite, and none
-/// is -0: a t beyond double's range is the largest finite number.
+/// One row of a batch's answer. A miss has primitive_id == kNoPrimitive and t = infinity. An
+/// invalid ray (IsValid) is a miss with t = NaN. The numbers of a hit are finite and never -0; a t
+/// beyond the range of double is the largest finite double.
 struct Hit {
   double t = std::numeric_limits<double>::infinity();  ///< in lengths of the ray's direction
   double u = 0;  ///< weight of the triangle's second vertex, 0..1
@@ -23,8 +23,8 @@ struct Hit {
   friend bool operator==(const Hit&, const Hit&) = default;
 };
 
-/// The order that decides which hit is closest: smallest t, then smallest primitive_id. It depends
-/// on neither build nor thread count.
+/// The order of hits: smallest t first, then smallest primitive_id. It depends neither on the build
+/// nor on the number of threads.
 inline bool Closer(double t_a, PrimitiveId id_a, double t_b, PrimitiveId id_b) {
   return t_a < t_b || (t_a == t_b && id_a < id_b);
 }

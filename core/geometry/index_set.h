@@ -9,11 +9,11 @@
 
 namespace kdray::core {
 
-/// A subset of 0 .. n - 1 as bits; each level above the lowest has a bit for each word below that
-/// is not zero. Every operation takes O(log n) to the base 64.
+/// A subset of 0 .. n - 1 as bits. Each level above the lowest has one bit for each nonzero word of
+/// the level below. Every operation takes O(log n) with base 64.
 class IndexSet {
  public:
-  /// Makes it the empty subset of 0 .. n - 1.
+  /// Sets *this to the empty subset of 0 .. n - 1.
   void Reset(std::size_t n) {
     std::size_t used = 0;
     do {
@@ -48,7 +48,7 @@ class IndexSet {
 
  private:
   std::optional<std::uint32_t> AtLeast(std::uint32_t start) const {
-    // Up until a word has a member at or after the place, then down to the lowest of its members.
+    // Goes up to a word that has a member at or after the place, then down to its lowest member.
     std::size_t k = 0;
     std::size_t i = start;
     for (;; ++k) {

@@ -7,8 +7,8 @@
 
 namespace kdray::core {
 
-// The triangles of the part i .. j of the path: the best corner k for the triangle i, k, j with the
-// best triangles of the parts i .. k and k .. j, shorter parts first.
+// Dynamic program over parts i .. j of the path, shorter parts first: the best corner k combines
+// the triangle i, k, j with the best triangles of the parts i .. k and k .. j.
 void CutWithLeastArea(std::span<const Point2> path, CutMeter* meter,
                       std::vector<std::array<std::uint32_t, 3>>* triangles) {
   struct Part {

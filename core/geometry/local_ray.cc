@@ -6,10 +6,10 @@
 namespace kdray::core {
 namespace {
 
-// Beyond it, rounding on the way to the mesh may reach 1: a ray may pass the mesh anywhere as far
-// as double can tell.
+// From farther away, rounding on the way to the mesh may exceed 1, so double cannot tell whether
+// the ray meets the mesh.
 constexpr double kFar = 0x1p46;
-// What two doubles leave out of a coordinate up to 4, with room.
+// Bound of the error of two doubles for a coordinate up to 4, with a margin.
 constexpr double kErrorOfTwo = 0x1p-100;
 
 LocalRay Unmoved(const Ray& ray, const MeshFrame& frame) {
@@ -47,15 +47,15 @@ bool MoveToBox(LocalRay* ray) {
   return MaxAbs(ray->origin) <= 4;
 }
 
-/// The origin as given in the mesh's frame, one axis: what double holds, and the rest.
+/// The origin as given in the mesh's frame, one axis: rounded to double, and the rest.
 DoubleDouble OriginAsGiven(const LocalRay& ray, int axis) {
   const DoubleDouble moved = TwoDifference(ray.given->origin[axis], ray.frame->origin[axis]);
   return {ScaleByPowerOfTwo(moved.high, -ray.frame->exponent),
           ScaleByPowerOfTwo(moved.low, -ray.frame->exponent)};
 }
 
-/// Computes the origin that MoveToBox found again, from the ray as given: a sum of four terms, of
-/// which the largest two cancel.
+/// Recomputes the origin that MoveToBox found, from the ray as given: a sum of four terms, of which
+/// the largest two cancel.
 void RefineOrigin(LocalRay* ray) {
   for (int axis = 0; axis < 3; ++axis) {
     const DoubleDouble start = OriginAsGiven(*ray, axis);
@@ -94,7 +94,7 @@ bool MoveFromFar(LocalRay* ray) {
     ray->origin_low[axis] = (moved - Dyadic(rounded)).ToDouble();
   }
   ray->origin_error = kErrorOfTwo;
-  // Not 0, since the origin as given is farther from the middle.
+  // Not 0, because the origin as given is farther from the middle.
   constexpr int kLargest = 1000, kScaled = 900;
   if (shift.Exponent() > kLargest) {
     const int down = static_cast<int>(shift.Exponent()) - kScaled;

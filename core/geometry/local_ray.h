@@ -51,13 +51,13 @@ struct LocalRay {
   double t_min = 0;  ///< the caller's interval, in the caller's t
   double t_max = 0;
 
-  // What MakeExactLocalRay knows besides: what rounding took from `origin`, to within origin_error
-  // on each axis, and from `shift`.
+  // Set by MakeExactLocalRay: the rounding errors of `origin`, each to within origin_error, and of
+  // `shift`.
   Vec3d origin_low;
   double origin_error = 0;
   double shift_low = 0;
 
-  /// What the ray was made from, for tests that go back to the input as given. Must outlive this.
+  /// The ray as given, for tests that use the caller's numbers. Must outlive this.
   const Ray* given = nullptr;
   const MeshFrame* frame = nullptr;
 
@@ -78,11 +78,11 @@ struct LocalInterval {
   bool IsEmpty() const { return !(enter <= exit); }
 };
 
-/// The local form of a valid ray (IsValid); keeps pointers to both arguments. Nothing when the ray
+/// The local form of a valid ray (IsValid); keeps pointers to both arguments. nullopt when the ray
 /// misses [-2, 2]^3 and so the mesh.
 std::optional<LocalRay> MakeLocalRay(const Ray& ray, const MeshFrame& frame);
-/// The same with the origin moved without rounding, however far it is: `origin` is within 2^-50 of
-/// a point of the ray as given, and both shifts and origin_low say more about it.
+/// The same, with the origin moved without rounding from any distance: `origin` is within 2^-50 of
+/// a point of the ray as given; origin_low, shift and shift_low hold the rest.
 std::optional<LocalRay> MakeExactLocalRay(const Ray& ray, const MeshFrame& frame);
 
 /// Where the fat ray (half-width `pad`) is inside `box`; empty when it passes by. Right for zero

@@ -16,24 +16,24 @@
 namespace kdray::core {
 namespace {
 
-// Values by key, for one slice of keys at a time, so that memory is bounded by the largest slice:
-// those of key k are values[start[k]] up to values[start[k + 1]].
+// Values by key, for one slice of keys at a time, so the largest slice bounds the memory. The
+// values of key k are values[start[k]] up to values[start[k + 1]].
 template <class Value>
 class Groups {
  public:
-  /// for_each(emit) must call emit(key, value) the same way each time; key < keys. It may end early
-  /// once a poll has stopped; the groups then mean nothing.
+  /// for_each(emit) must make the same calls emit(key, value) each time; key < keys. It may end
+  /// early when a poll has stopped; the groups are then invalid.
   template <class ForEach>
   Groups(std::size_t keys, const ForEach& for_each) : start_(keys + 1) {
     for_each([&](std::size_t key, Value) { ++start_[key]; });
   }
 
   std::size_t keys() const { return start_.size() - 1; }
-  /// Before the key was in a slice.
+  /// Valid before the key was in a slice.
   std::size_t CountOf(std::size_t key) const { return start_[key]; }
 
-  /// Gathers the values of the keys from `first` on, as many keys as have at most `most` values,
-  /// but at least one; returns the first key after them. Each key once, in order.
+  /// Gathers the values of the keys from `first` on, at most `most` values, but at least one key;
+  /// returns the first key after them. Call it once for each key, in order.
   template <class ForEach>
   std::size_t Gather(std::size_t first, std::size_t most, const ForEach& for_each) {
     std::size_t last = first;
@@ -43,7 +43,7 @@ class Groups {
       start_[last] = static_cast<std::uint32_t>(count);
       ++last;
     }
-    // Never two of them at once, as a vector that grows would have.
+    // A growing vector would hold two arrays at once.
     if (values_.capacity() < count) values_ = std::vector<Value>();
     values_.resize(count);
     last_ = last;
@@ -54,7 +54,7 @@ class Groups {
     return last;
   }
 
-  /// Of a key of the slice.
+  /// The values of a key of the slice.
   std::span<Value> operator[](std::size_t key) {
     const std::size_t end = key + 1 < last_ ? start_[key + 1] : values_.size();
     return std::span(values_).subspan(start_[key], end - start_[key]);
@@ -125,12 +125,12 @@ std::vector<std::uint32_t> JoinPositions(std::span<const Vec3<T>> vertices,
   return joined;
 }
 
-// What the sides of triangles between two vertices say.
+// Classifies an edge by the triangle sides between its two vertices.
 class EdgeCounter {
  public:
   explicit EdgeCounter(MeshHealth* health) : health_(health) {}
 
-  /// An edge with so many sides in either direction.
+  /// Adds an edge with this many sides in each direction.
   void Add(std::size_t forward, std::size_t backward) {
     const std::size_t sides = forward + backward;
     if (sides == 1) ++health_->open_edges;
@@ -146,11 +146,11 @@ class EdgeCounter {
   bool all_paired_ = true;
 };
 
-// The edges of one vertex with very many sides: counted, not gathered.
+// For a vertex with very many sides: its edges are counted, not gathered.
 template <class ForEach>
 void CountEdgesOf(std::size_t vertex, std::size_t vertices, const ForEach& for_each,
                   CancelPoll* poll, EdgeCounter* edges) {
-  constexpr std::uint8_t kEnough = 3;  // no more is told apart
+  constexpr std::uint8_t kEnough = 3;  // larger counts are equivalent
   std::vector<std::uint8_t> sides[2] = {std::vector<std::uint8_t>(vertices),
                                         std::vector<std::uint8_t>(vertices)};
   for_each([&](std::size_t key, std::uint64_t value) {
@@ -167,8 +167,8 @@ void CountEdgesOf(std::size_t vertex, std::size_t vertices, const ForEach& for_e
 
 void CountEdges(const TriangleMesh& mesh, const std::vector<std::uint32_t>& joined,
                 CancelPoll* poll, MeshHealth* health) {
-  // Each side of a triangle, by the smaller of its vertices: the larger, and whether it runs from
-  // the smaller to the larger.
+  // Each side of a triangle, keyed by its smaller vertex: the larger vertex, and whether the side
+  // runs from the smaller to the larger.
   const std::span<const TriangleIndices> triangles = mesh.triangles();
   const auto for_each = [&](const auto& emit) {
     PolledLoop(triangles.size(), 32, poll, [&](std::size_t id) {

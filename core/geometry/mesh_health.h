@@ -1,5 +1,4 @@
-// The health report of a mesh: what a caller should know before trusting answers about inside and
-// outside.
+// The health report of a mesh: the properties on which answers about inside and outside depend.
 #pragma once
 
 #include <cstdint>
@@ -11,16 +10,16 @@
 namespace kdray::core {
 
 /// Counts after joining vertices of exactly equal position (-0 is 0). An edge is a pair of joined
-/// vertices. Zero-area triangles are counted as such and left out of everything else: nothing hits
-/// them, so where such a triangle is all that fills a T-junction, the mesh has open edges there.
+/// vertices. Degenerate triangles are counted as such and excluded from everything else. No ray
+/// hits them, so where only such a triangle fills a T-junction, the mesh has open edges.
 struct MeshHealth {
   std::uint64_t degenerate = 0;  ///< zero-area triangles
   std::uint64_t duplicate = 0;   ///< triangles with the corners of an earlier one, any order
-  std::uint64_t concave = 0;     ///< polygons that were cut by ears
+  std::uint64_t concave = 0;     ///< polygons that are not convex (MeshData::concave)
   std::uint64_t open_edges = 0;  ///< edges of exactly one triangle
   std::uint64_t non_manifold_edges = 0;  ///< edges of more than two triangles
-  /// Every edge has exactly two triangles, which run along it in opposite directions, and there is
-  /// an edge. Whether they face outward is not looked at.
+  /// There is an edge, and every edge has exactly two triangles, which run along it in opposite
+  /// directions. Their orientation, inward or outward, is not checked.
   bool closed = false;
   /// Spacing of the file's number type (MeshData::single_precision) at the largest |coordinate|,
   /// mesh units.

@@ -1,5 +1,4 @@
-// Exact scaling by powers of two, without the cost of std::ldexp where a multiplication does the
-// same.
+// Exact scaling by powers of two; a multiplication instead of std::ldexp where both give the same.
 #pragma once
 
 #include <bit>
@@ -13,7 +12,8 @@ inline double PowerOfTwo(int exponent) {
   return std::bit_cast<double>(static_cast<std::uint64_t>(exponent + 1023) << 52);
 }
 
-/// value * 2^exponent; exact but for overflow to infinity and rounding of results below 2^-1022.
+/// value * 2^exponent. Exact, except for overflow to infinity and for rounding of results below
+/// 2^-1022.
 inline double ScaleByPowerOfTwo(double value, int exponent) {
   if (exponent >= -1022 && exponent <= 1023) return value * PowerOfTwo(exponent);
   return std::ldexp(value, exponent);

@@ -83,16 +83,16 @@ int Orient2d(Point2 a, Point2 b, Point2 c) {
   const double left = acx * bcy;
   const double right = acy * bcx;
   const double det = left - right;
-  // Shewchuk's bound for this way of computing it, (3 + 16e)e with e = 2^-53, and a term for what
-  // underflow may take from the products and from the bound itself. An overflow makes the bound
-  // infinite and the comparisons false.
+  // Shewchuk's bound for this formula, (3 + 16e)e with e = 2^-53, and a term for underflow of the
+  // products and of the bound itself. An overflow makes the bound infinite and the comparisons
+  // false.
   constexpr double kRelativeError = (3.0 + 16.0 * 0x1p-53) * 0x1p-53;
   constexpr double kUnderflow = 0x1p-1070;
   const double bound = kRelativeError * (std::fabs(left) + std::fabs(right)) + kUnderflow;
   if (det > bound) return 1;
   if (det < -bound) return -1;
-  // A difference is 0 only when its two numbers are equal. This settles the common case of points
-  // in an axis-parallel line or plane.
+  // A difference is 0 only if its two numbers are equal. This decides the common case of points in
+  // an axis-parallel line or plane.
   if ((acx == 0 || bcy == 0) && (acy == 0 || bcx == 0)) return 0;
   return ExactOrient2d(a, b, c);
 }

@@ -1,5 +1,5 @@
-// Geometric predicates whose answer is exact: a quick sum in double with a proven error bound
-// decides nearly always, exact arithmetic the rest.
+// Exact geometric predicates: a sum in double with a proven error bound decides nearly always,
+// exact arithmetic otherwise.
 #pragma once
 
 #include "core/geometry/vec3.h"
@@ -18,10 +18,9 @@ inline Point2 DropAxis(const Vec3d& p, int axis) {
   return axis == 0 ? Point2{p.y, p.z} : axis == 1 ? Point2{p.z, p.x} : Point2{p.x, p.y};
 }
 
-/// On which side of the directed line through a and b the point c lies: +1 left (a, b, c turn
-/// counterclockwise), -1 right, 0 on the line. The sign of twice the triangle's area
-/// (a.x - c.x)(b.y - c.y) - (a.y - c.y)(b.x - c.x), exact for the doubles as given: there is no
-/// tolerance.
+/// The side of the directed line through a and b on which c lies: +1 left (a, b, c turn
+/// counterclockwise), -1 right, 0 on the line. The sign of twice the triangle's area (a.x -
+/// c.x)(b.y - c.y) - (a.y - c.y)(b.x - c.x), exact for the doubles as given: there is no tolerance.
 ///
 /// Inputs: finite, of any size; the arithmetic neither overflows nor depends on the scale. Exact
 /// when each nonzero coordinate is at least 2^-984 of the largest. (A product of smaller ones would

@@ -24,8 +24,8 @@ using RayF =
     RayOf<float>;  // 32 bytes: the same ray in half the memory when its numbers are floats anyway
 static_assert(sizeof(Ray) == 64 && sizeof(RayF) == 32);
 
-/// False for a ray that cannot be: an origin or direction that is not finite, t_min or t_max NaN, a
-/// zero direction, t_min > t_max. Such a row of a batch is a miss and is named in the answer.
+/// False for an invalid ray: an origin or direction that is not finite, t_min or t_max NaN, a zero
+/// direction, t_min > t_max. Such a row of a batch is a miss and is named in the answer.
 template <class T>
 bool IsValid(const RayOf<T>& ray) {
   return IsFinite(ray.origin) && IsFinite(ray.direction) && ray.t_min <= ray.t_max &&
@@ -48,7 +48,7 @@ class RayBatch {
     return Ray{Vec3d(r.origin), static_cast<double>(r.t_min), Vec3d(r.direction),
                static_cast<double>(r.t_max)};
   }
-  /// The first of the rays, null when they are of the other kind.
+  /// The first ray; null if the rays are of the other type.
   const Ray* doubles() const {
     const auto* rays = std::get_if<std::span<const Ray>>(&rays_);
     return rays != nullptr ? rays->data() : nullptr;
@@ -58,7 +58,7 @@ class RayBatch {
     return rays != nullptr ? rays->data() : nullptr;
   }
 
-  /// Asks for the memory of a ray that is needed soon.
+  /// Prefetches a ray that is needed soon.
   void Prefetch(std::size_t i) const {
     std::visit([&](const auto& rays) { __builtin_prefetch(&rays[i]); }, rays_);
   }

@@ -27,8 +27,7 @@ bool RingBoxes::Overlap(const Box& a, const Box& b) {
   return a.min.x <= b.max.x && b.min.x <= a.max.x && a.min.y <= b.max.y && b.min.y <= a.max.y;
 }
 
-// Whether the box lies on the outer side of one edge of the triangle: then so does its corner that
-// is farthest to the inner side.
+// Whether the box lies outside of one edge of the triangle: its innermost corner does.
 bool RingBoxes::IsOutside(const Triangle2& triangle, const Box& box) {
   for (std::size_t i = 0; i < 3; ++i) {
     const Point2 p = triangle[i];
@@ -66,7 +65,7 @@ void RingBoxes::Build(std::vector<std::uint32_t> corners, Over over) {
   while (leaves * kLeafCorners < n) leaves *= 2;
   nodes_.reserve(2 * leaves - 1);
   nodes_.assign(1, Node{Empty(), 0, 0, static_cast<std::int32_t>(n)});
-  // Nodes are split in the order in which they are made, so children stand after their parents.
+  // Nodes are split in the order of their creation, so children come after their parents.
   for (std::uint32_t i = 0; i < nodes_.size(); ++i) {
     const auto count = static_cast<std::uint32_t>(nodes_[i].count);
     const std::uint32_t first = nodes_[i].first;

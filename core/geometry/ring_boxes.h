@@ -1,4 +1,4 @@
-// Which corners or edges of a shrinking ring a triangle may meet: boxes in a tree.
+// A tree of boxes that finds the corners or edges of a shrinking ring that a triangle may meet.
 #pragma once
 
 #include <algorithm>
@@ -23,19 +23,19 @@ class RingBoxes {
   /// The ring must outlive this object.
   RingBoxes(const Ring* ring, CutMeter* meter) : ring_(ring), meter_(meter) {}
 
-  /// Takes these corners, or the edges that begin there, in place of all that it had. O(n log n).
-  /// Incomplete once the meter stops.
+  /// Rebuilds the tree over these corners, or over the edges that begin there. O(n log n).
+  /// Incomplete if the meter stops.
   void Build(std::vector<std::uint32_t> corners, Over over);
   std::size_t built_size() const { return corners_.size(); }
   void Clear();
 
-  /// To be called when corner i was taken out of the ring, between the corners before and after it.
+  /// Must be called after corner i was removed from the ring; `before` is the corner before it.
   /// O(log n).
   void Remove(std::uint32_t i, std::uint32_t before);
 
-  /// Calls visit(i) for every corner i that lies in the closed triangle, or every edge i that has a
-  /// point in common with it, and for some others; those near the triangle's second corner first,
-  /// as far as the boxes tell. Ends when visit returns true or the meter stops.
+  /// Calls visit(i) for every corner i in the closed triangle, or every edge i that meets it, and
+  /// for some others. Those near the triangle's second corner come first, by the order of boxes.
+  /// Ends when visit returns true or the meter stops.
   template <class F>
   void Visit(const Triangle2& triangle, F&& visit) const;
 
@@ -46,8 +46,8 @@ class RingBoxes {
   struct Node {
     Box box;
     std::uint32_t parent = 0;
-    std::uint32_t first = 0;  // place of its corners, or the first of its two children
-    std::int32_t count = 0;   // corners that are left, or kInner
+    std::uint32_t first = 0;  // index of its first corner, or of the first of its two children
+    std::int32_t count = 0;   // remaining corners, or kInner
   };
   static constexpr std::int32_t kInner = -1;
   static constexpr std::uint32_t kLeafCorners = 8;

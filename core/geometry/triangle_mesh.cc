@@ -16,12 +16,13 @@
 namespace kdray::core {
 namespace {
 
-// What a step of a loop over vertices or triangles counts as (CancelPoll), and the exact predicate
-// on a triangle. Every loop here ends early once the poll has stopped; Create() looks at the end.
+// Work (CancelPoll) of a loop's step over vertices or triangles, and of the exact predicate on a
+// triangle. Every loop here ends early when the poll has stopped; Create() checks the poll at the
+// end.
 constexpr std::uint64_t kStepWork = 16;
 constexpr std::uint64_t kPredicateWork = 256;
 
-// Which vertices triangles use. Only those count: a file may store others, even broken ones.
+// The vertices that triangles use. Only these matter: a file may store others, even invalid ones.
 std::vector<bool> FindUsed(const MeshData& data, CancelPoll* poll) {
   std::vector<bool> used(data.vertices.size());
   PolledLoop(data.triangles.size(), kStepWork, poll, [&](std::size_t i) {
@@ -62,7 +63,7 @@ std::optional<Error> CheckCoordinates(const MeshData& data, const std::vector<bo
   return std::nullopt;
 }
 
-// `center` rounded to a multiple of the smallest power of two that is not below `extent`.
+// `center` rounded to a multiple of the smallest power of two >= `extent`.
 double RoundToExtent(double center, double extent) {
   if (extent == 0) return center;
   int exponent = 0;
@@ -71,9 +72,9 @@ double RoundToExtent(double center, double extent) {
   return std::ldexp(std::nearbyint(std::ldexp(center, -exponent)), exponent);
 }
 
-// Far from 0 means by more than four times the size of the mesh: nearer, a subtraction would win
-// three bits at most. So every coordinate is within a factor of 2 of the origin, which is off the
-// centre by one extent at most, and their difference is a double (Sterbenz's lemma).
+// Far from 0 means more than four times the size of the mesh; nearer, a subtraction would gain at
+// most three bits. So every coordinate is within a factor of 2 of the origin, which differs from
+// the centre by at most one extent, and their difference is a double (Sterbenz's lemma).
 Vec3d ChooseOrigin(const Bounds3d& bounds) {
   const Vec3d center = bounds.Center();
   const double extent = MaxAbs(bounds.Extent());
@@ -93,7 +94,7 @@ MeshFrame ChooseFrame(const Bounds3d& bounds) {
   return frame;
 }
 
-/// Whether the frame keeps a vertex as it is. Only scaling down can round, and only to below
+/// Whether the frame represents a vertex exactly. Only scaling down can round, and only below
 /// 2^-1022.
 bool IsExactIn(const MeshFrame& frame, const Vec3d& p) {
   if (frame.exponent <= 0) return true;
@@ -207,7 +208,7 @@ Result<TriangleMesh> TriangleMesh::Create(const MeshData& data, const CancelToke
     mesh.vertices_ = LocalVertices<double>(data, used, mesh.frame_, &poll);
   }
   mesh.triangles_ = Copy(data.triangles, &poll);
-  if (poll.stopped()) return poll.ToError();  // before indices meet vertices that are not there
+  if (poll.stopped()) return poll.ToError();  // before an index can exceed the vertices
   mesh.degenerate_ = mesh.VisitVertices(
       [&](auto vertices) { return FindDegenerate(vertices, mesh.triangles(), &poll); });
   mesh.degenerate_count_ = CountTrue(mesh.degenerate_);

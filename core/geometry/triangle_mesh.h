@@ -31,28 +31,28 @@ inline constexpr std::size_t kMaxVertices = 0xfffffffe;
 
 using TriangleIndices = std::array<std::uint32_t, 3>;
 
-/// What a mesh file says, before any judgement: vertices as stored, in file order, and polygons cut
-/// into triangles.
+/// The content of a mesh file, before any check: vertices as stored, in file order, and polygons
+/// cut into triangles.
 struct MeshData {
   MeshFormat format = MeshFormat::kObj;
   std::vector<Vec3d> vertices;             ///< every vertex stored in the file, used or not
   std::vector<TriangleIndices> triangles;  ///< each index < vertices.size()
   std::uint64_t dropped = 0;  ///< faces with fewer than three corners; they get no number
   std::uint64_t concave =
-      0;  ///< polygons that a fan from the first corner would not have cut properly
+      0;  ///< polygons that a fan from the first corner would not have triangulated correctly
   bool single_precision =
       false;  ///< the file's coordinates are 32-bit floats (binary STL, PLY float)
-  /// The file calls coordinates 32-bit floats, but writes numbers that no float prints (ascii PLY);
+  /// The file declares 32-bit floats, but contains numbers that no float prints as (ascii PLY);
   /// they are kept as doubles.
   bool wider_than_declared = false;
 };
 
-/// The mesh's own frame: local = (world - origin) * 2^-exponent, exact for every vertex that
-/// triangles use. (Its one limit is that of the number type: a coordinate below 2^-1022 of the
-/// mesh's size becomes a multiple of 2^-1074 of it.) The exponent puts the largest |local
-/// coordinate| into [0.5, 1); it is 0 when all are 0. The origin is a point with few bits near the
-/// mesh on each axis where the mesh lies far from 0, its centre by more than 4 times its longest
-/// side; else 0.
+/// The mesh's local frame: local = (world - origin) * 2^-exponent, exact for every vertex that
+/// triangles use. (Except that a coordinate below 2^-1022 of the mesh's size is rounded to a
+/// multiple of 2^-1074 of it.) The exponent puts the largest |local coordinate| into [0.5, 1); it
+/// is 0 when all coordinates are 0. The origin is 0 on each axis where the mesh lies near 0. On an
+/// axis where its centre is farther from 0 than 4 times its longest side, the origin is a number
+/// with few bits near the mesh.
 struct MeshFrame {
   Vec3d origin;
   int exponent = 0;
@@ -76,8 +76,9 @@ class TriangleMesh {
  public:
   /// kEmptyMesh without a triangle; kInvalidMesh when a coordinate of a used vertex is not finite
   /// or beyond kMaxCoordinate (the message names the first such vertex), kMeshTooLarge beyond
-  /// kMaxTriangles or kMaxVertices. A vertex that no triangle uses is counted and may be anything;
-  /// its local coordinates are 0. O(vertices + triangles). kCancelled, kDeadlineExceeded.
+  /// kMaxTriangles or kMaxVertices. A vertex that no triangle uses is counted and may have any
+  /// coordinates; its local coordinates are 0. O(vertices + triangles). kCancelled,
+  /// kDeadlineExceeded.
   static Result<TriangleMesh> Create(const MeshData& data, const CancelToken& cancel = {});
 
   std::size_t triangle_count() const { return triangles_.size(); }
@@ -88,10 +89,9 @@ class TriangleMesh {
   }  ///< world units; of the vertices that triangles use
   MeshFormat format() const { return format_; }
 
-  /// Local vertices are 12-byte floats when that is exact for all of them, else 24-byte doubles.
+  /// Local vertices are 12-byte floats if that is exact for all of them, else 24-byte doubles.
   bool has_double_vertices() const { return vertices_.index() == 1; }
-  /// Whether the limit of MeshFrame moved a coordinate; of a mesh from FromParts unknown, and
-  /// false.
+  /// Whether MeshFrame's limit rounded a coordinate. Unknown, and false, for a mesh from FromParts.
   bool has_rounded_vertices() const { return has_rounded_vertices_; }
   std::span<const TriangleIndices> triangles() const { return triangles_; }
   /// Local vertices; T must be the stored type. Visit() picks it.
@@ -112,14 +112,14 @@ class TriangleMesh {
     return VisitVertices([&](auto vertices) { return Vec3d(vertices[index]); });
   }
 
-  /// Exactly collinear corners: such a triangle keeps its number and is hit by nothing, so no tree
-  /// holds it.
+  /// True for exactly collinear corners. Such a triangle keeps its number, but no ray hits it and
+  /// no tree contains it.
   bool IsDegenerate(PrimitiveId id) const { return degenerate_[id]; }
   std::size_t degenerate_count() const { return degenerate_count_; }
 
   /// Largest |component| of the shortest edge, over triangles that are not degenerate, local units;
-  /// infinity when there is none. With the largest |local coordinate| in [0.5, 1) it tells which
-  /// precision the mesh needs.
+  /// infinity if all are degenerate. Because the largest |local coordinate| is in [0.5, 1), it
+  /// determines the precision that the mesh needs.
   double shortest_edge() const { return shortest_edge_; }
 
   /// Memory of vertices, indices and flags.

@@ -62,8 +62,8 @@ template <class T>
 Vec3<T> Normalized(const Vec3<T>& a) {
   return a * (T(1) / Length(a));
 }
-/// The same for every finite a but zero: squares of very large and very small components would
-/// leave the range of T.
+/// The same for every finite nonzero a, also where squares of the components would leave the range
+/// of T.
 template <class T>
 Vec3<T> NormalizedAtAnyScale(const Vec3<T>& a);
 

@@ -1,4 +1,4 @@
-// Memory for what a file claims to hold.
+// Memory for the elements that a file claims to contain.
 #pragma once
 
 #include <algorithm>
@@ -8,10 +8,10 @@
 
 namespace kdray::core {
 
-/// Room for `more` elements of a vector that is to hold `claimed` elements, a number that the file
-/// states and its remaining bytes could hold. At first no more than twice the file's bytes are
-/// taken, so that a lie costs no more than that; once that many elements were really there, room
-/// for all, and never a doubling that leaves a part of it empty.
+/// Reserves room for `more` elements in a vector that is to have `claimed` elements, a number that
+/// the file states and its remaining bytes could contain. At first it reserves at most twice the
+/// file's bytes, so a false count costs no more. After that many elements were really present it
+/// reserves room for all of them, so the vector never doubles and leaves a part unused.
 template <class T>
 void MakeRoom(std::vector<T>& elements, std::uint64_t claimed, std::size_t file_bytes,
               std::uint64_t more = 1) {

@@ -11,7 +11,7 @@ namespace kdray::core {
 namespace {
 
 constexpr std::size_t kLookBytes = 64 << 10;
-constexpr std::size_t kShortestMesh = 20;  // bytes of text; a shorter one has lost nothing
+constexpr std::size_t kShortestMesh = 20;  // bytes; a shorter text may have one line
 
 constexpr std::string_view kUnpack = "unpack it and send the file that is in it";
 constexpr std::string_view kExport = "export the mesh as OBJ, PLY, STL or OFF";
@@ -130,7 +130,7 @@ std::uint32_t LoadUint32(std::string_view bytes, std::size_t offset) {
   return value;
 }
 
-// A ZIP archive by the names of its first members, which stand in it uncompressed.
+// A ZIP archive, recognised by the names of its first members, which are not compressed.
 std::optional<ForeignFile> FindZip(std::string_view head) {
   if (!head.starts_with("PK\x03\x04") && !head.starts_with("PK\x05\x06")) return std::nullopt;
   if (Contains(head, "3D/3dmodel.model") || Contains(head, "[Content_Types].xml")) {
@@ -152,7 +152,7 @@ bool Is3ds(std::string_view head, std::size_t size) {
          (inner == 0x0002 || inner == 0x0010 || inner == 0x3d3d || inner == 0xb000);
 }
 
-// The root element's name of an XML text, behind its declarations and comments.
+// The root element's name of an XML text, after its declarations and comments.
 std::string_view FindXmlRoot(std::string_view text) {
   for (;;) {
     text = WithoutBlanks(text);
@@ -281,7 +281,7 @@ bool IsListOfPoints(std::string_view text) {
     const bool may_be_head = line == 0 && (row.words == 1 || !row.numbers);
     ++line;
     if (may_be_head) continue;
-    if (text.empty() && points > 1) break;  // the last line of what is looked at may be cut
+    if (text.empty() && points > 1) break;  // the last line of the examined part may be cut
     if (row.words < 3 || !row.numbers) return false;
     ++points;
   }

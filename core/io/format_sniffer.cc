@@ -15,7 +15,8 @@
 namespace kdray::core {
 namespace {
 
-// How far a line is looked for that tells the format of a text that begins with something else.
+// If the first statement does not identify the format, this part of the text is searched for a line
+// that does.
 constexpr std::size_t kLookBytes = 1 << 20;
 
 bool IsCount(std::string_view word) {
@@ -23,7 +24,7 @@ bool IsCount(std::string_view word) {
   return number && *number >= 0;
 }
 
-// What the first statement of the text says, `cursor` in front of it.
+// The format by the first statement; `cursor` is before it.
 std::optional<MeshFormat> FindByFirstStatement(TextCursor cursor) {
   const std::string_view first = cursor.NextWord();
   if (EqualsIgnoringCase(first, "solid")) return MeshFormat::kStl;
@@ -48,7 +49,7 @@ bool AreNextThree(TextCursor& cursor, F&& is) {
   return is(cursor.NextWord()) && is(cursor.NextWord()) && is(cursor.NextWord());
 }
 
-// The first line that could stand in one format only.
+// The format by the first line that only one format can have.
 std::optional<MeshFormat> FindByAnyStatement(std::string_view text) {
   TextCursor cursor(text.substr(0, kLookBytes), {.hash_comments = true});
   for (; cursor.FindLineWithWords(); cursor.NextLine()) {
@@ -65,7 +66,7 @@ std::optional<MeshFormat> FindByAnyStatement(std::string_view text) {
   return std::nullopt;
 }
 
-// Bytes that are in no text in UTF-8.
+// Bytes that no UTF-8 text contains.
 bool IsBinary(std::string_view bytes) {
   return std::any_of(bytes.begin(), bytes.end(), [](char c) {
     const auto byte = static_cast<unsigned char>(c);
@@ -96,7 +97,7 @@ Error UnsupportedFormat(std::string_view what, std::string_view advice) {
 }
 
 Result<MeshFormat> FindFormat(std::string_view bytes, CancelPoll* poll) {
-  // Before anything else, because the header of a binary STL may read like any other format.
+  // Checked first, because the header of a binary STL may look like any other format.
   if (HasBinaryStlSize(std::as_bytes(std::span(bytes)))) return MeshFormat::kStl;
   if (const std::optional<ForeignFile> foreign = FindForeignFile(bytes)) {
     return UnsupportedFormat(foreign->name, foreign->advice);
@@ -114,7 +115,7 @@ Result<MeshFormat> FindFormat(std::string_view bytes, CancelPoll* poll) {
     return Error{ErrorCode::kEmptyMesh, message};
   }
   if (const std::optional<MeshFormat> format = FindByFirstStatement(cursor)) return *format;
-  // What is no text, and not known otherwise, can only be a binary STL whose count is wrong.
+  // Bytes that are not text and not recognised can only be a binary STL with a wrong count.
   if (IsBinary(bytes.substr(0, 84))) {
     return bytes.size() >= 84 ? Result<MeshFormat>(MeshFormat::kStl) : Unknown(bytes, text, poll);
   }

@@ -1,4 +1,4 @@
-// How mesh readers say what is wrong, and where.
+// Errors of mesh readers, with line or byte.
 #pragma once
 
 #include <cstdint>
@@ -15,12 +15,13 @@ Error AtLine(std::uint64_t line, std::string_view cause);
 /// kInvalidMesh at an offset (counted from 0) in a binary file: "byte 84: " and the cause.
 Error AtByte(std::uint64_t byte, std::string_view cause);
 
-/// The same with the code of `error`. An error that is none of the file (cancelled) stays as it is.
+/// The same with the code of `error`. An error that the file did not cause (kCancelled) is returned
+/// unchanged.
 Error AtLine(std::uint64_t line, Error error);
 Error AtByte(std::uint64_t byte, Error error);
 
-/// Whether the file is to blame for the error: it breaks its format's rules or has no triangle. A
-/// reader may then try another reading of the same bytes.
+/// Whether the file caused the error: it breaks its format's rules or has no triangle. A reader may
+/// then try to read the bytes in another way.
 bool IsOfTheFile(const Error& error);
 
 /// A piece of the file for a message: in quotes, cut after 40 bytes, with \xNN for every byte that

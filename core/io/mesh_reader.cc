@@ -36,7 +36,7 @@ Result<MeshData> ReadAs(MeshFormat format, std::span<const std::byte> bytes,
 void MeshCounts::AddFace(std::uint64_t corners) {
   triangles += corners < 3 ? 0 : corners - 2;
   most_corners = std::max(most_corners, corners);
-  // A larger one is refused unless it is convex.
+  // A larger polygon is an error unless it is convex.
   if (corners > 3 && corners <= kMaxConcaveCorners) most_cut = std::max(most_cut, corners);
 }
 
@@ -53,8 +53,7 @@ Result<MeshData> ReadMesh(std::span<const std::byte> bytes, const MeshReadOption
   if (poll.stopped()) return poll.ToError();
   if (!format.ok()) return format.error();
   Result<MeshData> mesh = ReadAs(*format, bytes, options);
-  // A text that is not walked through to its end because of the token looks like a shorter text to
-  // the rest of its reader.
+  // When the token stops a walk through a text, the reader sees a shorter text.
   if (options.cancel.ShouldStop()) return options.cancel.ToError();
   if (!mesh.ok() && IsOfTheFile(mesh.error()) && HasLostItsLineBreaks(text, &poll)) {
     Error error = std::move(mesh).error();

@@ -21,9 +21,9 @@ namespace {
 
 bool IsFace(std::string_view keyword) { return keyword == "f" || keyword == "fo"; }
 
-// Extensions add keywords, and programs write remarks of their own ("$ ...", "// ..."). So what
-// begins with anything but a number is skipped. A number would be the rest of a broken line, and a
-// control character is in no text.
+// Extensions add keywords, and programs write their own remarks ("$ ...", "// ..."). So lines that
+// begin with anything except a number are skipped. A number would be the rest of a broken line, and
+// text has no control characters.
 bool MayBeginStatement(std::string_view keyword) {
   const char first = keyword.front();
   const bool number =
@@ -31,7 +31,8 @@ bool MayBeginStatement(std::string_view keyword) {
   return !number && static_cast<unsigned char>(first) > ' ' && first != '\x7f';
 }
 
-// Statements whose words are names, which may hold anything: a path that ends with a backslash too.
+// Statements whose words are names, which may contain anything, for example a path that ends with a
+// backslash.
 bool HasNames(std::string_view keyword) {
   static constexpr std::array<std::string_view, 7> kKeywords = {"usemtl", "mtllib", "o",     "g",
                                                                 "newmtl", "usemap", "maplib"};
@@ -39,8 +40,8 @@ bool HasNames(std::string_view keyword) {
          keyword.starts_with("map_");
 }
 
-// The number before the first slash. What follows, numbers of texture coordinates and normals, must
-// look like that but is not used.
+// The number before the first slash. The numbers of texture coordinates and normals that follow are
+// checked but not used.
 std::optional<std::int64_t> ParseCorner(std::string_view word) {
   const std::size_t slash = word.find('/');
   if (slash == std::string_view::npos) return ParseInteger(word);
@@ -55,8 +56,9 @@ std::optional<std::int64_t> ParseCorner(std::string_view word) {
   return ParseInteger(word.substr(0, slash));
 }
 
-// Three walks over the text: one counts, so that memory is taken once and exactly; one reads the
-// vertices; one the faces, whose polygons need all vertices to be cut.
+// Walks over the text three times: the first counts, so memory is allocated once and exactly; the
+// second reads the vertices; the third reads the faces, because triangulating polygons needs all
+// vertices.
 class ObjReader {
  public:
   ObjReader(std::string_view text, const MeshReadOptions& options)
@@ -76,7 +78,7 @@ class ObjReader {
   }
 
  private:
-  // Calls handle(keyword, cursor) for each statement, the cursor behind the keyword.
+  // Calls handle(keyword, cursor) for each statement, with the cursor after the keyword.
   template <class F>
   Status ForEachStatement(F&& handle) {
     TextCursor cursor(text_, {.hash_comments = true, .continuation = true}, 1, &cancel_);
@@ -89,8 +91,8 @@ class ObjReader {
     return cancel_.ToStatus();
   }
 
-  // A backslash joins the next line to this one, but after a name only when that line is not a
-  // statement itself: otherwise a path that ends with a backslash would take a face away.
+  // A backslash joins the next line to this one. After a name it does so only if that line is not a
+  // statement itself; otherwise a path that ends with a backslash would remove a face.
   static void NextStatement(std::string_view keyword, TextCursor& cursor) {
     if (!HasNames(keyword)) return cursor.NextLine();
     while (cursor.NextPhysicalLine()) {

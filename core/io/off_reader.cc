@@ -22,7 +22,7 @@ namespace {
 struct Keyword {
   bool has_other_dimension = false;
   std::uint64_t numbers = 3;  // of a vertex
-  std::string_view rest;      // glued to it: "8" of "OFF8"
+  std::string_view rest;      // attached to it: "8" of "OFF8"
 };
 
 std::optional<Keyword> ParseKeyword(std::string_view word) {
@@ -55,13 +55,13 @@ std::optional<Keyword> ParseKeyword(std::string_view word) {
   return keyword;
 }
 
-// How the numbers stand on lines.
+// How the numbers are distributed over lines.
 enum class Layout : std::uint8_t {
   kEvenLines,  // a vertex a line, all with as many numbers; a face a line
-  kLines,      // the same, but a line of a vertex may have any numbers behind the first three
-  kFree,  // nothing but these numbers, anywhere, also on the line of the counts; but the first of
-          // several faces begins a line, and the colour of a face ends with its line
-  kFreeBlock,  // the same from the line behind the counts
+  kLines,      // the same, but a vertex may have any numbers after the first three
+  kFree,  // only these numbers, on any lines, also on the line of the counts; the first of several
+          // faces begins a line, and the colour of a face ends with its line
+  kFreeBlock,  // the same, from the line after the counts
 };
 
 class OffReader {
@@ -74,10 +74,10 @@ class OffReader {
         file_bytes_(text.size()),
         cutter_(&data_, options.cancel) {}
 
-  // Nearly every file has its rows on lines of their own, and there a broken row can be told from
-  // the next. The manual allows numbers on any line, and programs write more numbers behind a
-  // vertex than the keyword announces. So a file that is not read by even lines is read again, by
-  // the layout that its number of lines speaks for.
+  // Nearly every file has one row a line, which separates a broken row from the next. The manual
+  // allows numbers on any line, and programs write more numbers after a vertex than the keyword
+  // announces. So a file that does not fit even lines is read again, with the layout that its
+  // number of lines suggests.
   Result<MeshData> Read() {
     if (Status status = ReadCounts(); !status.ok()) return std::move(status).error();
     if (faces_ == 0) return Error{ErrorCode::kEmptyMesh, "the OFF file has no face"};
@@ -121,7 +121,7 @@ class OffReader {
     return CheckClaims();
   }
 
-  // It may lack, or stand alone on the next line, where no vertex does.
+  // It may be missing, or be alone on the next line, where a vertex cannot be.
   void PassEdgeCount() {
     if (!cursor_.NextWord().empty()) return;
     TextCursor ahead = cursor_;
@@ -129,7 +129,8 @@ class OffReader {
     if (ahead.NextWord().empty()) cursor_ = ahead;
   }
 
-  // The shortest rows of a vertex and a face are "0 0 0" and "0"; the last one may lack its end.
+  // The shortest rows of a vertex and a face are "0 0 0" and "0"; the last row may have no line
+  // end.
   Status CheckClaims() {
     const std::uint64_t left = cursor_.remaining() + 1;
     if (vertices_ > left / 6 || faces_ > (left - 6 * vertices_) / 2) {
@@ -146,7 +147,7 @@ class OffReader {
     return {};
   }
 
-  // Lines with words, up to one more than there are rows.
+  // The number of lines with words, at most the number of rows plus one.
   Result<std::uint64_t> CountLines() {
     cursor_ = body_;
     std::uint64_t lines = 0;
@@ -221,7 +222,7 @@ class OffReader {
       }
       cursor_.NextLine();
     }
-    // Else a file that lacks a vertex would take one from its first face.
+    // Otherwise a file with a missing vertex would read its first face as one.
     const bool must_end_line =
         layout_ == Layout::kFreeBlock || (layout_ == Layout::kFree && faces_ != 1);
     if (must_end_line && !cursor_.NextWord().empty()) {
@@ -254,7 +255,7 @@ class OffReader {
                   " " + what);
   }
 
-  // Calls handle(corners) for each face, the cursor behind the number of its corners.
+  // Calls handle(corners) for each face, with the cursor after the number of its corners.
   template <class F>
   Status ForEachFace(F&& handle) {
     for (std::uint64_t i = 0; i < faces_; ++i) {
@@ -323,7 +324,7 @@ class OffReader {
   const MeshReadOptions& options_;
   CancelPoll cancel_;
   TextCursor cursor_;
-  TextCursor body_;  // behind the counts
+  TextCursor body_;  // after the counts
   std::size_t file_bytes_;
   bool has_keyword_ = false;
   std::uint64_t numbers_ = 3;  // of a vertex, as the keyword announces

@@ -13,9 +13,9 @@
 namespace kdray::core {
 namespace {
 
-// What is passed between two looks at the poll, in bytes.
+// Bytes between two charges of the poll.
 constexpr std::size_t kPiece = std::size_t{1} << 16;
-// What memchr passes in one unit of work, rounded down.
+// Bytes that memchr searches in one unit of work, rounded down.
 constexpr std::size_t kSearchedBytes = 8;
 
 std::string_view WithoutPlus(std::string_view word) {
@@ -26,7 +26,7 @@ std::string_view WithoutPlus(std::string_view word) {
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
 
 // For a decimal number that std::from_chars found out of range: whether it is too small, not too
-// large. It is too small when its first digit that is not 0 stands behind the decimal point.
+// large. It is too small if its first nonzero digit comes after the decimal point.
 bool IsTooSmall(std::string_view number) {
   std::int64_t place = 0;  // power of ten of the first such digit
   bool point = false;
@@ -42,7 +42,7 @@ bool IsTooSmall(std::string_view number) {
       ++place;
     }
   }
-  if (i < number.size()) {  // behind the e
+  if (i < number.size()) {  // after the e
     ++i;
     const bool negative = i < number.size() && number[i] == '-';
     if (i < number.size() && !IsDigit(number[i])) ++i;
@@ -55,8 +55,7 @@ bool IsTooSmall(std::string_view number) {
   return place < 0;
 }
 
-// What std::from_chars reads, with a number that is too small as 0 and one that is too large as
-// infinity.
+// std::from_chars, with 0 for a number that is too small and infinity for one that is too large.
 std::optional<double> ReadDouble(std::string_view word) {
   if (word.size() > kLongestNumber) return std::nullopt;
   word = WithoutPlus(word);
@@ -168,7 +167,7 @@ void TextCursor::SkipBlanks() {
 }
 
 std::string_view TextCursor::NextWord() {
-  // A short word takes a time too.
+  // A short word costs time too.
   if (Charge(16)) return {};
   SkipBlanks();
   if (AtEnd()) return {};
@@ -276,7 +275,7 @@ std::optional<std::int64_t> ParseCount(std::string_view word) {
 }
 
 std::string_view WithoutPadding(std::string_view text, CancelPoll* poll) {
-  std::size_t end = text.size();  // where the padding begins, as far as it is known
+  std::size_t end = text.size();  // where the padding begins, as far as known
   for (std::size_t i = text.size(); i > 0; --i) {
     const char c = text[i - 1];
     const bool padding = c == '\0' || c == '\x1a';

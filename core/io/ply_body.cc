@@ -29,7 +29,7 @@ bool IsRemark(std::string_view word) {
   return word == "comment" || word == "obj_info";
 }
 
-// To the next line that holds a value.
+// Moves to the next line with a value.
 bool FindRow(TextCursor& cursor) {
   while (cursor.FindLineWithWords()) {
     if (cursor.Peek() != 'c' && cursor.Peek() != 'o') return true;

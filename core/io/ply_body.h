@@ -1,6 +1,6 @@
-// The rows behind a PLY header, ascii or binary, behind one interface for ply_reader.cc: it walks
-// through a row property by property. Every call returns false when the file cannot hold what it is
-// asked for; error() then says what and where.
+// The rows of a PLY file, ascii or binary, with one interface for ply_reader.cc, which walks
+// through a row property by property. Every call returns false when the file does not contain the
+// requested value; error() then gives the cause and the position.
 #pragma once
 
 #include <cstddef>
@@ -17,17 +17,17 @@
 
 namespace kdray::core {
 
-/// How the rows of a text stand on its lines.
+/// How rows are distributed over the lines of a text.
 enum class PlyLayout : std::uint8_t {
-  kEvenLines,  ///< a row a line, and nothing more on it
-  kLines,      ///< a row a line; words behind the last property are ignored, since some programs
+  kEvenLines,  ///< one row a line, and nothing else
+  kLines,      ///< one row a line; words after the last property are ignored, because some programs
                ///< write more than they declare
-  kWords,      ///< rows on any lines; only each element begins a line
-  kWrapped,    ///< rows anywhere, as when a text is wrapped to lines of some length
+  kWords,      ///< rows on any lines; each element begins a line
+  kWrapped,    ///< rows anywhere, as in text wrapped to some line length
 };
 
-/// Rows of text. Blank lines are skipped, and remarks: `comment` and `obj_info`, which some
-/// programs write here too, and # with what is behind it on the line.
+/// Rows of text. Skips blank lines and remarks: lines with `comment` or `obj_info`, which some
+/// programs write here too, and # with the rest of its line.
 class PlyAsciiBody {
  public:
   static constexpr bool kIsText = true;
@@ -35,19 +35,19 @@ class PlyAsciiBody {
   /// `text`: the whole file. `poll`: as TextCursor takes it.
   PlyAsciiBody(std::string_view text, const PlyHeader& header, PlyLayout layout, CancelPoll* poll);
 
-  /// The least bytes that a row of this element takes.
+  /// Lower bound of the bytes of a row of this element.
   static std::size_t LeastBytes(const PlyElement& element) { return 2 * element.properties.size(); }
   std::size_t remaining() const { return cursor_.remaining(); }
 
   bool BeginRow();
   bool EndRow();
-  /// Behind the last row of an element.
+  /// Call after the last row of an element.
   bool EndElement();
-  /// A face with fewer than three corners, where rows are told by their lines. Elsewhere it is a
-  /// sign of a number that lacks: the rows behind it are then read in the wrong places.
+  /// Whether faces may have fewer than three corners: only where lines separate rows. Elsewhere
+  /// such a face is a sign of a missing number, after which rows are read from the wrong position.
   bool AllowsShortFaces() const { return !IsFree(); }
   bool ReadNumber(PlyType type, double* value);
-  /// The length of a list, checked against the bytes that are left.
+  /// The length of a list, checked against the remaining bytes.
   bool ReadLength(const PlyProperty& list, std::uint64_t* length);
   bool ReadIndex(PlyType type, std::int64_t* index);
   bool Skip(const PlyProperty& property);
@@ -65,7 +65,7 @@ class PlyAsciiBody {
  private:
   bool Fail(std::string cause) { return Fail(Error{ErrorCode::kInvalidMesh, std::move(cause)}); }
   bool IsFree() const { return layout_ == PlyLayout::kWords || layout_ == PlyLayout::kWrapped; }
-  // The next word of the row; empty at its end.
+  // The next word of the row; empty at the row's end.
   std::string_view NextValue();
 
   TextCursor cursor_;
@@ -76,11 +76,11 @@ class PlyAsciiBody {
 
 struct PlyLines {
   std::uint64_t count = 0;
-  bool even = true;  ///< all but the last have equally many words, as when a text is wrapped
+  bool even = true;  ///< all except the last have the same number of words, as in wrapped text
 };
 
-/// The lines of the body that hold words, remarks left out; looks no further than `most` lines.
-/// Also kCancelled and kDeadlineExceeded.
+/// Counts the lines of the body with words, without remarks, up to `most` lines. Also kCancelled
+/// and kDeadlineExceeded.
 Result<PlyLines> CountPlyLines(std::string_view text, const PlyHeader& header, std::uint64_t most,
                                const CancelToken& cancel);
 

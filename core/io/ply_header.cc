@@ -11,8 +11,8 @@
 namespace kdray::core {
 namespace {
 
-// A real header has some dozens of lines with properties. The limit keeps a hostile one from taking
-// more memory than it has bytes.
+// A real header has some dozens of properties. The limit keeps a hostile header from using more
+// memory than it has bytes.
 constexpr std::size_t kMaxProperties = 1024;
 
 std::optional<PlyType> ParseType(std::string_view word) {
@@ -46,7 +46,7 @@ std::optional<PlyFormat> ParseFormat(std::string_view word) {
   return std::nullopt;
 }
 
-// A longer line without the keyword of a remark is none.
+// A longer line is a remark only with the keyword of one.
 constexpr std::size_t kLongestRemark = std::size_t{1} << 16;
 
 class HeaderParser {
@@ -105,7 +105,7 @@ class HeaderParser {
                   "obj_info, end_header");
   }
 
-  // Text that cannot be meant as a declaration: those name a type, `list`, or end with a count.
+  // Text that cannot be a declaration, which contains a type or `list`, or ends with a count.
   bool IsRemark(std::string_view line) const {
     if (line.size() > kLongestRemark) return false;
     const bool is_text = std::all_of(line.begin(), line.end(), [](char c) {

@@ -1,4 +1,4 @@
-// The header of a PLY file: which elements there are, how many, and what each holds.
+// The header of a PLY file: its elements, their counts and properties.
 #pragma once
 
 #include <array>
@@ -35,7 +35,7 @@ inline std::size_t SizeOf(PlyType type) {
 }
 inline bool IsInteger(PlyType type) { return type < PlyType::kFloat32; }
 
-/// A number, or a list of numbers with its length in front.
+/// A number, or a list of numbers preceded by its length.
 struct PlyProperty {
   std::string_view name;
   PlyType type = PlyType::kInt8;
@@ -51,14 +51,14 @@ struct PlyElement {
   std::uint64_t line = 0;   ///< of the header
   std::vector<PlyProperty> properties;
 
-  /// The number in `properties` of the first property with that name, from `begin` on.
+  /// The index in `properties` of the first property with that name, from `begin` on.
   std::optional<std::size_t> Find(std::string_view property, std::size_t begin = 0) const;
 };
 
 struct PlyHeader {
   PlyFormat format = PlyFormat::kAscii;
-  std::vector<PlyElement> elements;  ///< in file order; names may be there twice
-  std::size_t body = 0;              ///< offset of the first byte behind the header
+  std::vector<PlyElement> elements;  ///< in file order; names may be repeated
+  std::size_t body = 0;              ///< offset of the first byte after the header
   std::uint64_t body_line = 0;       ///< number of the line that begins there
 
   /// The first element with that name.
@@ -66,11 +66,10 @@ struct PlyHeader {
 };
 
 /// Reads the header; its names are views into `text`. The first line's end (LF, CR LF, or CR alone)
-/// tells how the lines end, so that a body that begins with a byte 10 stays whole. A line that no
-/// keyword begins is a remark without the word `comment`, which some programs forget, unless it
-/// looks like a declaration with its keyword misspelt. Errors carry the line, or are
-/// those of the poll once it has stopped.
-/// Source: Turk, "The PLY Polygon File Format", 1994.
+/// determines how lines end, so a binary body may begin with the byte 10. A line without a keyword
+/// is a remark, because some programs omit the word `comment`, unless it looks like a declaration
+/// with a misspelt keyword. Errors carry the line, or are those of the poll. Source: Turk, "The PLY
+/// Polygon File Format", 1994.
 Result<PlyHeader> ParsePlyHeader(std::string_view text, CancelPoll* poll);
 
 }  // namespace kdray::core

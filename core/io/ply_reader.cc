@@ -21,7 +21,7 @@
 namespace kdray::core {
 namespace {
 
-// Where in a row the wanted properties stand.
+// The positions of the needed properties in a row.
 struct Layout {
   const PlyElement* vertex = nullptr;
   const PlyElement* face = nullptr;  // or `tristrips`
@@ -30,7 +30,7 @@ struct Layout {
   std::size_t corners = 0;
 };
 
-// The number of the property that the element has under that name, once; nullopt without one.
+// The index of the property with that name, which must be unique; nullopt without one.
 Result<std::optional<std::size_t>> FindOnce(const PlyElement& element, std::string_view name) {
   const std::optional<std::size_t> found = element.Find(name);
   if (!found) return found;
@@ -107,9 +107,9 @@ class BodyReader {
     data_.format = MeshFormat::kPly;
   }
 
-  // Polygons need the vertices to be cut, and the triangles are counted before memory is taken for
-  // them. So the elements are walked through once, up to the later of vertices and faces, and then
-  // the faces again. `to_the_end`: all elements are walked through, and nothing may be left.
+  // Triangulating polygons needs the vertices, and triangles are counted before memory is allocated
+  // for them. So the elements are read once, up to the later of vertices and faces, and then the
+  // faces again. `to_the_end`: all elements are read, and nothing may follow them.
   Result<MeshData> Read(bool to_the_end) {
     Body faces = body_;
     bool has_vertices = false;
@@ -151,7 +151,7 @@ class BodyReader {
 
  private:
   Status CheckClaim(const PlyElement& element) const {
-    // The last line of an ascii file may lack its end.
+    // The last line of an ascii file may have no line end.
     const std::size_t least = Body::LeastBytes(element);
     if (least != 0 && element.count > (body_.remaining() + 1) / least) {
       return AtLine(element.line, "the element " + Quoted(element.name) + " claims " +
@@ -191,8 +191,8 @@ class BodyReader {
     return layout_.vertex->properties[layout_.xyz[axis]].type == PlyType::kFloat32;
   }
 
-  // The numbers of a text that its header calls floats are taken as floats up to the first that no
-  // float prints; then the vertices are read again, as doubles.
+  // Numbers that the header declares as floats are read as floats up to the first that is not the
+  // text of a float; then the vertices are read again, as doubles.
   Status ReadVertices() {
     Status status = ReadVerticesOnce();
     if (has_wide_text_) {
@@ -364,16 +364,15 @@ class BodyReader {
   CancelPoll cancel_;
   MeshData data_;
   MeshCounts counts_;
-  bool has_wide_text_ = false;  // a number that the header calls a float, but no float prints
+  bool has_wide_text_ = false;  // a declared float that is not the text of a float
   bool all_valid_ = true;       // the coordinates of all vertices
   PolygonCutter cutter_;
   std::vector<std::uint32_t> corners_;
 };
 
-// Nearly every file has a row a line, and there a broken row can be told from the next. Rows are
-// words, though, on any lines, and programs also write more words in a row than they declare. So a
-// file that is not read by even lines is read again, by the layout that its number of lines speaks
-// for.
+// Nearly every file has one row a line, which separates a broken row from the next. But rows may be
+// words on any lines, and programs also write more words in a row than they declare. So a file that
+// does not fit even lines is read again, with the layout that its number of lines suggests.
 class AsciiReader {
  public:
   AsciiReader(std::string_view file, const PlyHeader& header, const Layout& layout,

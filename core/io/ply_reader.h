@@ -8,12 +8,12 @@
 
 namespace kdray::core {
 
-/// Takes the properties x, y, z of the element `vertex` and the list `vertex_indices` (or
-/// `vertex_index`) of the element `face`, or, when there is no face, of `tristrips`; other
-/// properties, lists too, and other elements are skipped, all in any order. ascii,
+/// Reads the properties x, y, z of the element `vertex` and the list `vertex_indices` (or
+/// `vertex_index`) of the element `face`, or of `tristrips` if there is no face. Other properties
+/// and elements, lists included, are skipped; all may come in any order. Formats: ascii,
 /// binary_little_endian and binary_big_endian. Rows of an ascii file are lines, or words on any
-/// lines. Its numbers of type float are the nearest floats when every one of them, printed as a
-/// float with as many digits, is that very text (core/io/printed_float.h); else all are doubles
+/// lines. Numbers of type float in ascii become the nearest floats if each of them is the text of a
+/// float with as many digits (core/io/printed_float.h); else all become doubles
 /// (MeshData::wider_than_declared). Errors carry the line, or the byte in a binary body. See
 /// ReadMesh.
 Result<MeshData> ReadPly(std::span<const std::byte> bytes, const MeshReadOptions& options);

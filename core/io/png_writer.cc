@@ -15,22 +15,21 @@
 namespace kdray::core {
 namespace {
 
-// libdeflate makes files a quarter smaller than zlib in three quarters of the time (a shaded
-// 1280 x 960 picture: 15 ms and 219 kB against 19 ms and 292 kB), but compresses in one call, which
-// nothing interrupts. So pictures of up to kBytesAtOnce go through it, which takes some 0.1 s at
-// most, and larger ones through zlib, piece by piece. Beyond these levels time grows faster than
-// files shrink.
+// libdeflate makes files a quarter smaller than zlib in three quarters of the time (a shaded 1280 x
+// 960 picture: 15 ms and 219 kB against 19 ms and 292 kB), but compresses in one call, which cannot
+// be cancelled. So it compresses pictures of up to kBytesAtOnce, in some 0.1 s at most; zlib
+// compresses larger ones piece by piece. At higher levels, time grows faster than files shrink.
 constexpr std::size_t kBytesAtOnce = std::size_t{1} << 23;
 constexpr int kLevelAtOnce = 3;
 constexpr int kLevelInPieces = 2;
 constexpr std::size_t kPieceBytes = std::size_t{1} << 18;  // of zlib's input, and of its output
-// What a byte counts as while it is compressed (CancelPoll).
+// Work (CancelPoll) of compressing a byte.
 constexpr std::uint64_t kWorkPerByte = 16;
 
 // The PNG library's hook takes no context. Set while a thread is inside the library.
 thread_local CancelPoll* current_poll = nullptr;
 
-// What malloc() gave: the PNG library frees it.
+// Memory from malloc(), which the PNG library frees.
 struct FreeBytes {
   void operator()(unsigned char* bytes) const { std::free(bytes); }
 };
@@ -47,7 +46,7 @@ MallocBytes CompressAtOnce(std::span<const unsigned char> data, std::size_t* siz
   return out;
 }
 
-// At least `bytes`, doubled as it grows; null when there is no memory.
+// At least `bytes`, doubled as it grows; null if memory runs out.
 MallocBytes Grown(MallocBytes old, std::size_t bytes, std::size_t* capacity) {
   if (bytes <= *capacity) return old;
   const std::size_t larger = std::max(bytes, 2 * *capacity);
@@ -58,7 +57,7 @@ MallocBytes Grown(MallocBytes old, std::size_t bytes, std::size_t* capacity) {
   return MallocBytes(moved);
 }
 
-// Null when there is no memory or `poll` has stopped.
+// Null if memory runs out or `poll` has stopped.
 MallocBytes CompressInPieces(std::span<const unsigned char> data, CancelPoll* poll,
                              std::size_t* size) {
   z_stream stream = {};
@@ -72,7 +71,7 @@ MallocBytes CompressInPieces(std::span<const unsigned char> data, CancelPoll* po
     const bool is_last = begin + piece.size() == data.size();
     stream.next_in = const_cast<Bytef*>(piece.data());  // zlib only reads it
     stream.avail_in = static_cast<uInt>(piece.size());
-    // As long as it fills the output, there may be more.
+    // While zlib fills the output, there may be more.
     do {
       if (poll->Spend(kPieceBytes * kWorkPerByte)) return nullptr;
       out = Grown(std::move(out), *size + kPieceBytes, &capacity);
@@ -124,8 +123,8 @@ namespace {
 
 }  // namespace
 
-// The library filters all rows in one call before it compresses them. Nothing interrupts that: some
-// 0.7 ns a byte, so 0.2 s for the largest picture that a server allows by default.
+// The library filters all rows in one call before it compresses them. That call cannot be
+// cancelled: some 0.7 ns a byte, so 0.2 s for the largest picture that a server allows by default.
 Result<std::vector<std::byte>> EncodePng(std::span<const std::uint8_t> pixels, int width,
                                          int height, int channels, const CancelToken& cancel) {
   if (width < 1 || width > kMaxPngSide || height < 1 || height > kMaxPngSide || channels < 1 ||
@@ -134,7 +133,7 @@ Result<std::vector<std::byte>> EncodePng(std::span<const std::uint8_t> pixels, i
   }
   const std::size_t bytes = static_cast<std::size_t>(width) * static_cast<std::size_t>(height) *
                             static_cast<std::size_t>(channels);
-  // The library multiplies sides in int and compresses with a margin on top.
+  // The library multiplies sides in int and adds a margin for compression.
   if (bytes >= std::size_t{1} << 30) {
     return Error{ErrorCode::kInvalidArgument, "a PNG has less than 2^30 bytes of pixels"};
   }

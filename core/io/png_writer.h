@@ -1,4 +1,4 @@
-// Pixels to PNG. The only file that sees the libraries that compress.
+// Encodes pixels as PNG. Only its .cc includes the libraries for compression.
 #pragma once
 
 #include <cstddef>
@@ -15,9 +15,9 @@ inline constexpr int kMaxPngSide = 16384;
 
 /// A PNG file of 8-bit pixels: row-major [height][width][channels], top row first; channels 1 grey,
 /// 2 grey and alpha, 3 RGB, 4 RGBA; alpha not premultiplied; sRGB is assumed by readers. The same
-/// pixels always give the same bytes. kInvalidArgument when a side is not 1..kMaxPngSide, the
-/// pixels do not fit the sides, or there are 2^30 bytes of them or more; kMemoryFull when memory
-/// runs out; kCancelled, kDeadlineExceeded. O(pixels). Safe from many threads at once.
+/// pixels always give the same bytes. kInvalidArgument when a side is not in 1..kMaxPngSide, the
+/// number of pixels does not match the sides, or they are 2^30 bytes or more; kMemoryFull when
+/// memory runs out; kCancelled, kDeadlineExceeded. O(pixels). Safe from many threads at once.
 Result<std::vector<std::byte>> EncodePng(std::span<const std::uint8_t> pixels, int width,
                                          int height, int channels, const CancelToken& cancel = {});
 

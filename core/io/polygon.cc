@@ -21,8 +21,8 @@ struct Normals {
   double sum = 0;  // of the sizes of the fan's triangles: tells how much of `newell` is rounding
 };
 
-// Seen from the first corner and scaled, so that neither a far position nor a small or large size
-// spoils them. Zero when nothing sensible can be computed, or the meter stops.
+// Computed relative to the first corner and scaled, so neither a distant position nor an extreme
+// size makes them inaccurate. Zero when they cannot be computed, or the meter stops.
 Normals NormalsOf(const std::vector<Vec3d>& vertices, std::span<const std::uint32_t> corners,
                   CutMeter* meter) {
   const Vec3d first = vertices[corners[0]];
@@ -62,7 +62,7 @@ double SignedArea(std::span<const Point2> path) {
   return sum;
 }
 
-// IsConvexPath for the points at(0) .. at(n - 1). Any answer once stopped() returns true.
+// IsConvexPath for the points at(0) .. at(n - 1). Unspecified when stopped() returns true.
 template <class At, class Stopped>
 bool IsConvex(std::size_t n, const At& at, const Stopped& stopped) {
   std::size_t last = n;
@@ -128,10 +128,10 @@ Status PolygonCutter::AddOther(std::span<const std::uint32_t> corners) {
   return {};
 }
 
-// The polygon is seen against its normal, counterclockwise, by leaving out the coordinate along
-// which the normal is longest: no number is rounded. Where the areas cancel out, as in a path that
-// goes out and back only, Newell's normal is rounding; any triangle's will do for the axis then,
-// and the direction is to be found out. Negative axis: the corners lie on one line.
+// Drops the coordinate along which the normal is longest, so the polygon is counterclockwise and no
+// number is rounded. Where areas cancel, for example on a path that only goes out and back,
+// Newell's normal is only rounding error. Then the axis comes from the largest triangle, and the
+// winding must be determined. Negative axis: the corners lie on one line.
 PolygonCutter::View PolygonCutter::ViewOf(std::span<const std::uint32_t> corners) {
   const Normals normals = NormalsOf(mesh_->vertices, corners, &meter_);
   if (!(MaxAbs(normals.widest) > 0) || !std::isfinite(normals.sum)) return {-1, false, false};
@@ -154,9 +154,9 @@ void PolygonCutter::Fan(std::span<const std::uint32_t> corners) {
   }
 }
 
-// Ears first, which are right whenever they come to an end, and then what is best for a path that
-// is not weakly simple. The triangles are written with the places of their corners in the polygon,
-// and get the numbers of these at the end.
+// First ear clipping, which is right if it ends; then the best choice for a path that is not weakly
+// simple. Triangles are written with corner positions in the polygon, which are replaced by vertex
+// numbers at the end.
 void PolygonCutter::CutConcave(std::span<const std::uint32_t> corners, const View& view) {
   path_.clear();
   for (const std::uint32_t corner : corners) path_.push_back(Seen(corner, view));

@@ -1,4 +1,4 @@
-// Polygons to triangles: a polygon of n corners always becomes n - 2 triangles that use its corners
+// Triangulates polygons: a polygon of n corners always becomes n - 2 triangles that use its corners
 // and keep its winding.
 #pragma once
 
@@ -16,8 +16,8 @@
 
 namespace kdray::core {
 
-/// A concave polygon with more corners is refused: cutting one takes memory, some
-/// PolygonCutter::kScratchBytesPerCorner for each.
+/// Corners of a concave polygon, at most: triangulating one takes
+/// PolygonCutter::kScratchBytesPerCorner bytes for each.
 inline constexpr std::size_t kMaxConcaveCorners = 262144;
 
 /// True when the closed path through the points goes once, counterclockwise, around a convex
@@ -28,10 +28,10 @@ bool IsConvexPath(std::span<const Point2> path);
 /// Appends to a mesh the triangles of its polygons. Not safe from two threads at once.
 class PolygonCutter {
  public:
-  /// What is taken for the largest concave polygon and given back by the destructor.
+  /// Memory for each corner of the largest concave polygon; the destructor frees it.
   static constexpr std::size_t kScratchBytesPerCorner = EarCutter::kScratchBytesPerCorner + 16;
-  /// A file may cost so many steps (about nanoseconds) in all, and so many more for each corner of
-  /// a polygon. A corner usually takes 1,000 to 3,000.
+  /// Limits of the steps (about nanoseconds) that a file may cost: this many, and so many more for
+  /// each corner of a polygon. A corner usually takes 1,000 to 3,000.
   static constexpr std::uint64_t kStepsPerFile = 8'000'000'000;
   static constexpr std::uint64_t kStepsPerCorner = 4'000;
 
@@ -39,21 +39,21 @@ class PolygonCutter {
   /// The mesh must outlive the cutter. One cutter serves one file.
   PolygonCutter(MeshData* mesh, CancelToken cancel, std::uint64_t steps_per_file = kStepsPerFile);
 
-  /// One polygon by its corners, each < mesh->vertices.size(). Fewer than three: dropped and
-  /// counted. A convex one is fanned from its first corner. One that is not, seen along the main
-  /// axis of its normal (Newell's, so a warped polygon has one too), is cut by ears and counted as
-  /// concave. One whose corners lie on one line, or are not finite, is fanned.
+  /// Adds one polygon by its corners, each < mesh->vertices.size(). A polygon with fewer than three
+  /// corners is dropped and counted. It is projected along the main axis of its normal (Newell's,
+  /// so a warped polygon has one too). A convex polygon is fanned from its first corner; so is one
+  /// whose corners lie on one line or are not finite. Any other is triangulated by ear clipping and
+  /// counted as concave.
   ///
-  /// Seen along that axis, which rounds nothing, the triangles cover the polygon exactly and
-  /// overlap nowhere, also when the polygon touches itself: corners on edges or on corners, loops
-  /// that meet in a point, holes behind a doubled edge, edges that overlap, lines that go out and
-  /// back. When it crosses itself there are n - 2 triangles all the same. A crossing at corners
-  /// parts loops, each of which is then covered by itself where that is possible; a crossing that
-  /// is as small as rounding costs an area as small.
+  /// In the projection, which rounds nothing, the triangles cover the polygon exactly and do not
+  /// overlap, also if the polygon touches itself: corners on edges or on corners, loops that meet
+  /// in a point, holes connected by a doubled edge, edges that overlap, lines that go out and back.
+  /// If it crosses itself, there are still n - 2 triangles. A crossing at corners separates loops,
+  /// each of which is covered by itself where possible. A crossing as small as rounding costs an
+  /// area as small.
   ///
   /// Errors: kInvalidMesh (kMaxConcaveCorners; more steps than this file may cost), kCancelled,
-  /// kDeadlineExceeded. O(n) for a convex polygon; another takes O(n log n) where it is like those
-  /// in real files.
+  /// kDeadlineExceeded. O(n) for a convex polygon, O(n log n) for others as in real files.
   Status Add(std::span<const std::uint32_t> corners) {
     if (corners.size() == 3) {
       mesh_->triangles.push_back({corners[0], corners[1], corners[2]});
@@ -63,11 +63,11 @@ class PolygonCutter {
   }
 
  private:
-  // How a polygon is looked at.
+  // The projection of a polygon.
   struct View {
-    int axis = 0;             // the coordinate that is left out
+    int axis = 0;             // the coordinate that is dropped
     bool mirrored = false;    // whether the two others are exchanged
-    bool is_certain = false;  // whether the polygon is then known to go around counterclockwise
+    bool is_certain = false;  // whether the projected polygon is known to be counterclockwise
   };
 
   Status AddOther(std::span<const std::uint32_t> corners);

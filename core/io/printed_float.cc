@@ -50,7 +50,7 @@ Decimal TakeApart(std::string_view word) {
   return decimal;
 }
 
-// The digits without a point, at most `most`; what is cut off must be zeros, else an empty text.
+// The digits without the point, at most `most`; empty if a cut-off digit is not 0.
 std::string Digits(std::string_view with_point, std::size_t most) {
   std::string digits;
   for (const char c : with_point) {
@@ -88,8 +88,8 @@ bool GivesBack(float value, const Decimal& decimal) {
   if (wanted.empty()) return false;
   const std::int64_t last = decimal.last + static_cast<std::int64_t>(decimal.count - count);
   Printed printed = Print(value, count);
-  // Just below a power of ten the float has one digit less in front of the last place. With an
-  // exponent it is the digits that are counted, not the places.
+  // Just below a power of ten the float has one digit less before the last place. With an exponent,
+  // digits are counted, not places.
   const bool by_places = !decimal.has_exponent;
   if (by_places && printed.last == last - 1 && count > 1) printed = Print(value, count - 1);
   if (printed.digits.size() + 1 == count && printed.last == last + 1) printed.digits += '0';
@@ -111,8 +111,8 @@ double HalfPowerOfTen(std::int64_t exponent) {
   return kPowers[static_cast<std::size_t>(exponent + kLargestPower)];
 }
 
-// The nearest float of the text. `value` is the nearest double; only where that lies halfway
-// between two floats can the text lie nearer to one of them.
+// The float nearest to the text. `value` is the nearest double; the text can be nearer to one float
+// than to the other only if that double lies halfway between them.
 float NearestFloat(std::string_view word, double value) {
   constexpr std::uint64_t kCutOff = (std::uint64_t{1} << 29) - 1;
   constexpr std::uint64_t kHalf = std::uint64_t{1} << 28;
@@ -141,14 +141,14 @@ std::optional<float> ParsePrintedFloat(std::string_view word, double value) {
   constexpr std::size_t kAlwaysExact = std::numeric_limits<float>::digits10;
   const bool ordinary = size >= static_cast<double>(std::numeric_limits<float>::min());
   const float nearest = NearestFloat(word, value);
-  // Six digits come back from every float in its ordinary range.
+  // Every float in the normal range preserves six digits.
   if (ordinary && word.size() <= kAlwaysExact) return nearest;
   const Decimal decimal = TakeApart(word);
   if (decimal.count == 0) return nearest;
   if (ordinary && decimal.count <= kAlwaysExact) return nearest;
 
-  // `value` is off the text by 2^-53 of its size, far less than a unit of the text's last place
-  // with up to 14 digits. What is too close to half a unit is printed.
+  // `value` differs from the text by 2^-53 of its size, far less than a unit of the text's last
+  // place with up to 14 digits. Numbers too close to half a unit are decided by printing.
   if (ordinary && decimal.count <= 14 && std::abs(decimal.last) <= kLargestPower) {
     const double off = std::fabs(static_cast<double>(nearest) - value);
     const double half = HalfPowerOfTen(decimal.last);

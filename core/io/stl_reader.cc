@@ -18,7 +18,7 @@
 namespace kdray::core {
 namespace {
 
-// A binary file: 80 bytes of anything, the number of triangles, and for each the normal, three
+// A binary file: 80 arbitrary bytes, the number of triangles, and for each the normal, three
 // corners and two bytes of attributes, all little-endian.
 constexpr std::size_t kHeaderBytes = 80;
 constexpr std::size_t kFirstRecord = 84;
@@ -49,9 +49,9 @@ Error TooLarge(std::uint64_t triangles) {
                                              std::to_string(kMaxTriangles) + " are allowed"};
 }
 
-// How many records the bytes hold: as many as the count says, with nothing but NUL bytes after
-// them, or, when the count is 0, as the size says (some programs write the count last, or never).
-// nullopt when count and size contradict each other.
+// The number of records: the count, if only NUL bytes follow the records; or, if the count is 0,
+// the number by size (some programs write the count last, or never). nullopt if count and size
+// contradict each other.
 std::optional<std::uint32_t> CountRecords(std::span<const std::byte> bytes, CancelPoll* poll) {
   const std::uint32_t count = LoadUint32(bytes, kHeaderBytes);
   const std::uint64_t records = bytes.size() - kFirstRecord;
@@ -147,7 +147,7 @@ class AsciiReader {
   }
 
  private:
-  // As many as there are three words `vertex` for, and none is shorter than this.
+  // Upper bound: a facet has three words `vertex`, and a minimum length.
   std::size_t MostFacets() {
     constexpr std::string_view kShortest =
         "facet outerloop vertex 0 0 0 vertex 0 0 0 vertex 0 0 0 endloop endfacet ";
@@ -161,7 +161,7 @@ class AsciiReader {
   }
 
   // The next word on this or a later line; empty at the end of the file. Lines with a remark or a
-  // colour, which some programs add anywhere, are passed.
+  // colour, which some programs add anywhere, are skipped.
   std::string_view NextWord() {
     for (;;) {
       const std::string_view word = cursor_.NextWord();
@@ -192,8 +192,8 @@ class AsciiReader {
     }
   }
 
-  // The word that begins or ends a solid; its name may be glued to it, and an end may be written in
-  // two words.
+  // Whether the word begins or ends a solid; the name may be attached to it, and an end may be two
+  // words.
   bool BeginsOrEndsSolid(std::string_view word) {
     if (EqualsIgnoringCase(word, "solid") || EqualsIgnoringCase(word, "endsolid")) return true;
     if (EqualsIgnoringCase(word, "end")) {
@@ -204,7 +204,7 @@ class AsciiReader {
            (StartsIgnoringCase(word, "endsolid") || StartsIgnoringCase(word, "solid"));
   }
 
-  // A name ends with its line, or, when all stands on one line, where a facet begins.
+  // A name ends with its line, or where a facet begins if the file is one line.
   void SkipName() {
     for (;;) {
       TextCursor ahead = cursor_;
@@ -215,8 +215,8 @@ class AsciiReader {
     }
   }
 
-  // Whether a facet's loop follows at the cursor, with or without a normal; a name may hold the
-  // words "facet normal" too.
+  // Whether a facet's loop follows at the cursor, with or without a normal; a name may also contain
+  // the words "facet normal".
   static bool BeginsLoop(TextCursor cursor) {
     std::string_view word = cursor.NextWordOnAnyLine();
     if (EqualsIgnoringCase(word, "normal")) {
@@ -234,8 +234,8 @@ class AsciiReader {
                        [&](std::string_view k) { return EqualsIgnoringCase(word, k); });
   }
 
-  // Whether the word, with the one behind it, is the keyword, which may be written in one word or
-  // in two; passes both.
+  // Whether the word, or the word with the next one, is the keyword, which may be one word or two;
+  // skips both.
   bool Is(std::string_view word, std::string_view keyword, std::string_view first_half) {
     if (EqualsIgnoringCase(word, keyword)) return true;
     if (first_half.empty()) return false;
@@ -252,9 +252,8 @@ class AsciiReader {
     return true;
   }
 
-  // Passes the keyword that must come next. Other words are allowed before it on the line of the
-  // statement before: the numbers of a normal, or remarks. `first_half`: of a keyword that may be
-  // written in two words.
+  // Skips the keyword that must come next. Other words may precede it on the previous statement's
+  // line: the numbers of a normal, or remarks. `first_half`: of a keyword that may be two words.
   Status Expect(std::string_view keyword, std::string_view first_half = {}) {
     for (;;) {
       const std::string_view word = NextWord();
@@ -297,16 +296,16 @@ class AsciiReader {
 
   std::string_view text_;
   const MeshReadOptions& options_;
-  bool begins_line_ = true;        // the cursor is in front of a line's first word
+  bool begins_line_ = true;        // the cursor is before a line's first word
   bool word_begins_line_ = false;  // the last word was the first of its line
-  bool has_normal_ = true;         // the facet has one already, or may have none any more
+  bool has_normal_ = true;         // the facet has one already, or can no longer have one
   CancelPoll cancel_;
   TextCursor cursor_;
   MeshData data_;
 };
 
-// Whether a file that is not as long as its count says is a text, by its first 84 bytes. A count
-// has a byte of 0 unless it is above 16 million.
+// Whether a file whose size does not match its count is text, by its first 84 bytes. A count of at
+// most 16 million has a byte 0.
 bool BeginsAsText(std::string_view head) {
   if (head.find('\0') != std::string_view::npos) return false;
   TextCursor cursor(head, {});

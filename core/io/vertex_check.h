@@ -1,4 +1,4 @@
-// The one rule on coordinates that every format shares: one that is not finite, or beyond
+// The rule on coordinates for every format: a coordinate that is not finite, or beyond
 // kMaxCoordinate, makes a mesh invalid only in a vertex that a face uses.
 #pragma once
 
@@ -26,14 +26,14 @@ inline int InvalidAxis(const Vec3d& vertex) {
   return !IsValidCoordinate(vertex.x) ? 0 : !IsValidCoordinate(vertex.y) ? 1 : 2;
 }
 
-/// Why the coordinate is not valid; `written`: as it stands in a text file.
+/// Why the coordinate is invalid; `written`: its text in a text file.
 std::string WhyNotCoordinate(double value, std::string_view written = {});
 
-/// Why the vertex with that number (from 0), which a face uses, is not valid.
+/// Why the vertex with that number (from 0), which a face uses, is invalid.
 std::string WhyNotVertex(const MeshData& data, std::size_t vertex);
 
-/// The first vertex, in file order, that a triangle uses and that is not valid. Also kCancelled and
-/// kDeadlineExceeded. O(triangles); for files in which a reader has seen such a vertex.
+/// The first invalid vertex, in file order, that a triangle uses. Also kCancelled and
+/// kDeadlineExceeded. O(triangles); for files in which a reader has found an invalid vertex.
 Result<std::optional<std::size_t>> FindInvalidVertex(const MeshData& data,
                                                      const MeshReadOptions& options);
 

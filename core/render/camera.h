@@ -1,5 +1,5 @@
-// A camera in world units: rays from pixels, and points back to pixels. core/render/framing.h makes
-// one from what a caller says.
+// A camera in world units: rays from pixels, and points to pixels. core/render/framing.h makes one
+// from a caller's parameters.
 #pragma once
 
 #include <cstdint>
@@ -18,10 +18,10 @@ struct Camera {
   Projection projection = Projection::kPerspective;
   int width = 1, height = 1;  ///< of the whole image, pixels
 
-  // As the caller gave them, or as they were chosen.
+  // As given by the caller, or chosen by ResolveCamera.
   Vec3d eye, target, up;
   double fov_deg = 0;      ///< perspective: vertical angle of view
-  double view_height = 0;  ///< orthographic: height of what is seen, world units
+  double view_height = 0;  ///< orthographic: height of the view, world units
 
   Vec3d right, upward, forward;  ///< orthonormal: the image's x axis, its y axis upside down, and
                                  ///< the view axis

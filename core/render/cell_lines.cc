@@ -9,15 +9,16 @@ namespace kdray::core {
 namespace {
 
 constexpr double kHiddenBySizePx = 2;
-// What it counts as to make a segment, to note it in a bin, and to draw a row of its pixels
-// (CancelPoll).
+// Work (CancelPoll) of creating a segment, of adding it to a bin, and of drawing a row of its
+// pixels.
 constexpr std::uint64_t kSegmentWork = 256;
 constexpr std::uint64_t kBinWork = 16;
 constexpr std::uint64_t kRowWork = 256;
 constexpr double kFullWidthHeight = 640;  // image height from which lines grow with the image
 
-// Clips the parameter interval [*enter, *exit] of a segment to where a value that goes linearly
-// from `at_start` to `at_end` is >= 0. False when nothing is left. Source: Liang and Barsky 1984.
+// Clips the parameter interval [*enter, *exit] of a segment to where a value that changes linearly
+// from `at_start` to `at_end` is >= 0. False when the result is empty. Source: Liang and Barsky
+// 1984.
 bool ClipToPositive(double at_start, double at_end, double* enter, double* exit) {
   if (at_start < 0 && at_end < 0) return false;
   if (at_start < 0) *enter = std::max(*enter, at_start / (at_start - at_end));
@@ -63,8 +64,8 @@ void CellLines::AddEdge(const Vec3d& from, const Vec3d& to, float opacity) {
   const bool perspective = camera_.projection == Projection::kPerspective;
   const Camera::ViewPoint a = camera_.ToView(from);
   const Camera::ViewPoint b = camera_.ToView(to);
-  // To what the image shows, and a margin for the width of lines, before the division by depth:
-  // what lies behind the eye has no place in the image.
+  // Clips to the image and a margin for the width of lines, before the division by depth: points
+  // behind the eye have no image position.
   const double margin_x = 1.0 + 2.0 * (reach_px_ + 1) / camera_.width;
   const double margin_y = 1.0 + 2.0 * (reach_px_ + 1) / camera_.height;
   const double ax = (perspective ? a.depth : 1.0) * camera_.half_width * margin_x;
@@ -86,7 +87,7 @@ void CellLines::AddEdge(const Vec3d& from, const Vec3d& to, float opacity) {
   };
   const Camera::ViewPoint start = at(enter);
   const Camera::ViewPoint end = at(exit);
-  // Only a line through the eye itself can still have no depth.
+  // Only a line through the eye can still have a depth of 0.
   if (perspective && !(start.depth > 0 && end.depth > 0)) return;
   const Camera::ImagePoint p = camera_.ToImage(start);
   const Camera::ImagePoint q = camera_.ToImage(end);
@@ -95,7 +96,7 @@ void CellLines::AddEdge(const Vec3d& from, const Vec3d& to, float opacity) {
                        perspective ? 1 / end.depth : end.depth, opacity});
 }
 
-// Calls visit(bin) for every bin that pixels within reach of the segment may lie in.
+// Calls visit(bin) for every bin that may contain pixels within reach of the segment.
 template <class Visit>
 void CellLines::VisitBins(const Segment& s, const Visit& visit) const {
   const double side = bins_.side;
@@ -131,7 +132,7 @@ void CellLines::VisitBins(const Segment& s, const Visit& visit) const {
 }
 
 void CellLines::FillBins(CancelPoll* poll) {
-  // At most 128 bins across, so that their number stays small beside the pixels'.
+  // At most 128 bins across, few compared with the pixels.
   bins_.side = std::max(32, (std::max(region_.width(), region_.height()) + 127) / 128);
   bins_.columns = (region_.width() + bins_.side - 1) / bins_.side;
   bins_.rows = (region_.height() + bins_.side - 1) / bins_.side;
@@ -205,7 +206,7 @@ void CellLines::DrawSegment(const Segment& s, const Tile& part, const Tile& tile
     const int x_end = clamp_px(std::ceil(std::max(xa, xb) + reach_px_), part.x0, part.x1);
     for (int x = clamp_px(std::floor(std::min(xa, xb) - reach_px_), part.x0, part.x1); x < x_end;
          ++x) {
-      // How much of the pixel the line covers, taken from the distance of their middles.
+      // How much of the pixel the line covers, from the distance of their centres.
       const double px = x + 0.5 - s.x0;
       const double py = y + 0.5 - s.y0;
       const double along = length2 > 0 ? std::clamp((px * dx + py * dy) / length2, 0.0, 1.0) : 0.0;
@@ -219,7 +220,7 @@ void CellLines::DrawSegment(const Segment& s, const Tile& part, const Tile& tile
       const std::size_t pixel =
           static_cast<std::size_t>(y - tile.y0) * static_cast<std::size_t>(tile.width()) +
           static_cast<std::size_t>(x - tile.x0);
-      if (strongest <= opacity[pixel]) continue;  // another line wins whatever is hidden
+      if (strongest <= opacity[pixel]) continue;  // another line wins, hidden or not
 
       const double hiding_depth = depth - kHiddenBySizePx * camera_.PixelSize(depth);
       poll->Spend(static_cast<std::uint64_t>(samples));

@@ -1,5 +1,5 @@
-// The tree in the picture: edges of its cells as thin lines, hidden where the mesh is in front
-// (the lecture note's Figure 4).
+// Draws the edges of a tree's cells as thin lines, hidden where the mesh is in front (Figure 4 of
+// George Tang, "Acceleration Structures", 2019).
 #pragma once
 
 #include <cstdint>
@@ -16,30 +16,30 @@
 
 namespace kdray::core {
 
-/// How lines look. The defaults are tuned by eye: thin enough to leave the mesh in charge, strong
+/// The look of lines. The defaults are tuned by eye: thin enough for the mesh to dominate, strong
 /// enough for white and black backgrounds.
 struct LineStyle {
   Rgb color = {0.06f, 0.31f, 0.76f};  ///< sRGB
-  float width_px = 1.2f;              ///< at an image height of up to 640, from there in proportion
-  float near_opacity = 0.95f;         ///< of a line at the nearest point of all cells
-  float far_opacity = 0.30f;          ///< at the farthest, in proportion to depth between them
-  float empty_opacity = 0.25f;        ///< factor for cells without a triangle
+  float width_px = 1.2f;  ///< at an image height of up to 640; above, in proportion to the height
+  float near_opacity = 0.95f;   ///< of a line at the nearest point of all cells
+  float far_opacity = 0.30f;    ///< at the farthest, in proportion to depth between them
+  float empty_opacity = 0.25f;  ///< factor for cells without a triangle
 };
 
-/// Lines projected once, then drawn tile by tile. The value of a pixel depends on the pixel, the
-/// cells and the camera alone: not on the region, nor on the order of the cells, since the most
-/// opaque line wins. Immutable once made; safe from many threads at once.
+/// Lines projected once, then drawn tile by tile. The value of a pixel depends only on the pixel,
+/// the cells and the camera: not on the region, nor on the order of the cells, because the most
+/// opaque line wins. Immutable, so safe from many threads at once.
 class CellLines {
  public:
-  /// Edges of `cells` (world units) as the camera sees them within `region`. Not to be used once
-  /// `cancel` says stop.
+  /// Edges of `cells` (world units) as seen by the camera within `region`. Must not be used after
+  /// `cancel` has stopped.
   CellLines(std::span<const TreeCell> cells, const Camera& camera, const Region& region,
             const LineStyle& style = {}, const CancelToken& cancel = {});
 
   /// Opacity of the lines for each pixel of `tile`, row by row. hits: `samples` per pixel, in the
-  /// same order, their t being depth; a line is hidden by the share of samples whose surface lies
-  /// in front of it. Surfaces less than two pixel sizes in front do not hide it: cells end where
-  /// the mesh does, so lines lie in surfaces, and samples do not lie on lines. Errors: kCancelled,
+  /// same order, with depths as t. A line is hidden by the share of samples whose surface lies in
+  /// front of it. Surfaces less than two pixel sizes in front do not hide it: cells end where the
+  /// mesh does, so lines lie in surfaces, while samples lie beside lines. Errors: kCancelled,
   /// kDeadlineExceeded.
   Status Draw(const Tile& tile, std::span<const Hit> hits, int samples, std::span<float> opacity,
               const CancelToken& cancel = {}) const;
@@ -47,7 +47,7 @@ class CellLines {
   const LineStyle& style() const { return style_; }
 
  private:
-  // A piece of an edge in image coordinates, within the image but for a margin.
+  // A piece of an edge in image coordinates, clipped to the image and a margin.
   struct Segment {
     double x0, y0, x1, y1;
     double w0, w1;  // linear along the segment: 1 / depth in perspective, else depth
@@ -74,7 +74,7 @@ class CellLines {
   Camera camera_;
   Region region_;
   LineStyle style_;
-  double reach_px_ = 0;  // from the middle of a line to where it no longer shows
+  double reach_px_ = 0;  // from the middle of a line to where it is invisible
   double half_width_px_ = 0;
   double near_depth_ = 0, far_depth_ = 0;  // of all cells
   std::vector<Segment> segments_;

@@ -11,8 +11,8 @@ double SrgbToLinear(double encoded) {
   return encoded <= 0.04045 ? encoded / 12.92 : std::pow((encoded + 0.055) / 1.055, 2.4);
 }
 
-// The encoding inverted: code c begins at the linear value of c - 1/2. Where a value lies in its
-// slot of 1/1024 gives a code at most a few below the right one, even in the steep dark end.
+// The inverse of the encoding: code c begins at the linear value of c - 1/2. A value's slot of
+// 1/1024 gives a code at most a few below the right one, even at the steep dark end.
 struct EncodingTable {
   static constexpr std::size_t kSlots = 1024;
   std::array<float, 257> begins{};

@@ -5,14 +5,14 @@
 
 namespace kdray::core {
 
-/// Red, green, blue in 0..1. Whether sRGB-encoded or linear is said where one is declared.
+/// Red, green, blue in 0..1. Each declaration says whether it is sRGB-encoded or linear.
 struct Rgb {
   float r = 0, g = 0, b = 0;
   friend bool operator==(const Rgb&, const Rgb&) = default;
 };
 
-/// Linear light with coverage, premultiplied: r, g, b are already weighted by a, so that samples
-/// and layers add up without a special case for transparent ones.
+/// Linear light with coverage, premultiplied: r, g, b are already weighted by a, so samples and
+/// layers add up without a special case for transparent ones.
 struct Rgba {
   float r = 0, g = 0, b = 0, a = 0;
   friend bool operator==(const Rgba&, const Rgba&) = default;
@@ -30,8 +30,8 @@ inline Rgba operator*(const Rgba& c, float s) { return {c.r * s, c.g * s, c.b * 
 float SrgbToLinear(float encoded);
 Rgb SrgbToLinear(const Rgb& encoded);
 
-/// The 8-bit sRGB code nearest to a linear value; values outside 0..1 are clamped, NaN gives 0.
-/// A table look-up: this runs for every channel of every pixel.
+/// The 8-bit sRGB code nearest to a linear value; values outside 0..1 are clamped, NaN gives 0. A
+/// table lookup, because it runs for every channel of every pixel.
 std::uint8_t LinearToSrgb8(float linear);
 
 /// round(255 * value), clamped; NaN gives 0. For numbers that are not light: alpha, normals.

@@ -41,8 +41,8 @@ class TileGrid {
   std::size_t columns_, rows_;
 };
 
-/// Row-major [height][width][channels] values of a region, top row first. Different pixels may be
-/// written from different threads.
+/// Row-major [height][width][channels] values of a region, top row first. Different threads may
+/// write different pixels.
 template <class T>
 class Film {
  public:
@@ -51,7 +51,8 @@ class Film {
       : region_(region),
         channels_(channels),
         values_(region.pixel_count() * static_cast<std::size_t>(channels)) {}
-  /// The same with a poll: gigabytes take long to be filled. Not to be used once that has stopped.
+  /// The same with a poll, because filling gigabytes takes long. Must not be used when the poll has
+  /// stopped.
   Film(const Region& region, int channels, CancelPoll* poll)
       : region_(region), channels_(channels) {
     constexpr std::size_t kPiece = std::size_t{1} << 16;

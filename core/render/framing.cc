@@ -24,7 +24,7 @@ Error Invalid(std::string message) {
   return Error{ErrorCode::kInvalidArgument, std::move(message)};
 }
 
-// The world as the framing rules name it.
+// The directions that the framing rules name.
 struct Compass {
   Vec3d front, right, up;  // unit, orthogonal; front points from the mesh to a viewer before it
 
@@ -47,8 +47,8 @@ struct Compass {
   }
 };
 
-// A length to go by when there is nothing else: the box's longest side, or for a point some
-// fraction of its distance from 0 that double can resolve.
+// A reference length: the box's longest side, or, for a point, a fraction of its distance from 0
+// that double resolves.
 double SizeOf(const Bounds3d& bounds) {
   if (const double side = MaxAbs(bounds.Extent()); side > 0) return side;
   const double distance = MaxAbs(bounds.Center());
@@ -72,7 +72,7 @@ std::array<Corner, 8> CornersAround(const Bounds3d& bounds, const Vec3d& middle,
   return corners;
 }
 
-// Step 1: what the caller's numbers may be.
+// Step 1: checks the caller's numbers.
 Status Check(const CameraSpec& spec) {
   if (spec.eye && !IsFinite(*spec.eye)) return Invalid("eye: not finite");
   if (spec.target && !IsFinite(*spec.target)) return Invalid("target: not finite");
@@ -91,7 +91,7 @@ Status Check(const CameraSpec& spec) {
   return {};
 }
 
-// Step 2: the directions of the view, which depend on no distance.
+// Step 2: the directions of the view, which do not depend on distances.
 Status ChooseAxes(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera) {
   const Vec3d up = NormalizedAtAnyScale(spec.up.value_or(Vec3d{0, 1, 0}));
   const Vec3d toward_viewer = Compass(up).TowardViewer();
@@ -115,7 +115,7 @@ Status ChooseAxes(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera
   return {};
 }
 
-// Step 3: how far away, and what is in the middle.
+// Step 3: the distance and the target.
 void PlacePerspective(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera) {
   if (spec.eye) {
     camera->eye = *spec.eye;
@@ -126,8 +126,8 @@ void PlacePerspective(const CameraSpec& spec, const Bounds3d& bounds, Camera* ca
   const double slope_y = camera->half_height * kFramedShare;
   double distance = 0;
   for (const Corner& c : CornersAround(bounds, camera->target, *camera)) {
-    // Inside when |x| <= slope_x * (distance - nearness), and so for y. The last term keeps a box
-    // without width and height in the image from touching the eye.
+    // A corner is inside if |x| <= slope_x * (distance - nearness), and likewise for y. The last
+    // term keeps a box without width and height in the image away from the eye.
     distance =
         std::max({distance, std::abs(c.x) / slope_x + c.nearness,
                   std::abs(c.y) / slope_y + c.nearness, c.nearness + SizeOf(bounds) * 0x1p-10});

@@ -1,4 +1,4 @@
-// From what a caller says about the camera, with gaps, to a whole camera that shows the mesh.
+// Completes a caller's camera parameters to a camera that shows the mesh.
 #pragma once
 
 #include <optional>
@@ -9,7 +9,7 @@
 
 namespace kdray::core {
 
-/// The caller's wishes, world units. What is left out is chosen by ResolveCamera.
+/// The caller's parameters, world units. ResolveCamera chooses those that are missing.
 struct CameraSpec {
   Projection projection = Projection::kPerspective;
   std::optional<Vec3d> eye = std::nullopt;
@@ -22,16 +22,16 @@ struct CameraSpec {
 
 inline constexpr double kDefaultFovDeg = 40;
 
-/// Fills the gaps so that the box `bounds` of the mesh is framed: all its corners are seen, within
-/// the middle kFramedShare of the image. The rules, each for a value left out:
+/// Chooses the missing parameters so that all corners of the box `bounds` of the mesh are visible,
+/// within the middle kFramedShare of the image. The rules for a missing value:
 ///   up           (0, 1, 0); when the view is along it, -z looking down and +z looking up.
 ///   target       the middle of the box; one step along the default view when the eye is there.
-///   eye          before the target, 30 degrees to the right of the front and 20 degrees up, as
-///   near
-///                as the box fits. Up is `up`; front is the side that the smallest rotation taking
-///                y to `up` makes of +z (so -y when z is up).
+///   eye          before the target, 30 degrees to the right of the front and 20 degrees up, as near
+///                as the box fits. Up is `up`. The smallest rotation that takes y to `up` takes +z
+///                to the front (so the front is -y when z is up).
 ///   view_height  the least that shows the box around the axis from eye to target.
-/// With eye and target given nothing is moved: a perspective camera need not see the mesh then.
+/// If eye and target are given, they are not changed; a perspective camera then may not show the
+/// mesh.
 ///
 /// kInvalidArgument, with the field's name first: a number that is not finite, eye equal to target,
 /// up zero or along the view, fov_deg or view_height outside its range, a view too large for

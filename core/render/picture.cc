@@ -18,10 +18,10 @@ namespace kdray::core {
 namespace {
 
 constexpr float kFarGrey = 32.0f / 255.0f;
-// What a byte of the picture counts as (CancelPoll).
+// Work (CancelPoll) of a byte of the picture.
 constexpr std::uint64_t kWorkPerByte = 32;
 
-// Depths of the mesh's bounds, as far as they lie before the eye.
+// Depths of the mesh's bounds, clamped to in front of the eye.
 std::pair<double, double> DepthRange(const RenderedImage& image) {
   double near = std::numeric_limits<double>::infinity();
   double far = 0;
@@ -33,8 +33,8 @@ std::pair<double, double> DepthRange(const RenderedImage& image) {
   return {near, far};
 }
 
-// Colour of one pixel before the background, in codes / 255, premultiplied: what is not light is
-// blended as the numbers that it is.
+// Colour of one pixel in front of the background, in codes / 255, premultiplied: values that are
+// not light are blended without encoding.
 class DataColors {
  public:
   explicit DataColors(const RenderedImage& image) : image_(image) {

@@ -1,4 +1,4 @@
-// A rendered image as people look at it: 8-bit sRGB.
+// Converts a rendered image to an 8-bit sRGB picture.
 #pragma once
 
 #include <cstdint>
@@ -10,8 +10,8 @@
 
 namespace kdray::core {
 
-/// Row-major [height][width][channels], top row first. 3 channels: red, green, blue; 4: alpha
-/// behind, not premultiplied, as PNG has it.
+/// Row-major [height][width][channels], top row first. 3 channels: red, green, blue; 4: also alpha,
+/// not premultiplied, as in PNG.
 struct Picture {
   int width = 0, height = 0, channels = 3;
   std::vector<std::uint8_t> pixels;
@@ -23,13 +23,13 @@ struct Picture {
 ///   kNormal    (n + 1) / 2 as codes 0..255, not sRGB-encoded, over the background.
 ///   kDepth     grey, lighter when nearer: code 255 at the least depth of the mesh's bounds (0 when
 ///              the eye is among them), 32 at the greatest, linear between. The range is that of
-///              the bounds, not of the pixels, so that regions fit together.
+///              the bounds, not of the pixels, so regions fit together.
 ///   kTriangle  a colour by number (HashedColor).
-/// Pixels that miss show the background. Lines of cells lie over all of it.
-/// A region's picture equals that part of the whole picture. O(pixels), in parallel within the
-/// caller's arena. Errors: kCancelled, kDeadlineExceeded.
+/// Pixels that miss show the background. Lines of cells are drawn over everything. A region's
+/// picture equals its part of the whole picture. O(pixels), in parallel within the caller's arena.
+/// Errors: kCancelled, kDeadlineExceeded.
 Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cancel);
-/// The same to the end.
+/// The same without cancellation.
 Picture MakePicture(const RenderedImage& image);
 
 }  // namespace kdray::core

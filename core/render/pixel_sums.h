@@ -1,4 +1,4 @@
-// What a pixel has gathered so far, so that samples can be added as long as it is worth it.
+// Sums of a pixel's samples, to which more samples can be added.
 #pragma once
 
 #include <cmath>
@@ -16,7 +16,7 @@ namespace kdray::core {
 struct PixelSums {
   std::uint32_t samples = 0;
   std::uint32_t misses = 0;
-  bool stopped = false;  ///< takes no more
+  bool stopped = false;  ///< takes no more samples
   float light = 0;       ///< kShaded: cosines of the samples that hit
   Vec3d normal;          ///< kNormal: of the samples that hit
   double luminance = 0;  ///< and its squares: only where noise is estimated
@@ -26,8 +26,8 @@ struct PixelSums {
     luminance += y;
     luminance2 += y * y;
   }
-  /// Standard error of the mean luminance, from the spread of the samples; infinite for one sample.
-  /// They are stratified, so the error is rather smaller.
+  /// Standard error of the mean luminance, from the variance of the samples; infinite for one
+  /// sample. Samples are stratified, so the true error is smaller.
   double Noise() const {
     if (samples < 2) return HUGE_VAL;
     const double n = samples;
@@ -36,7 +36,7 @@ struct PixelSums {
   }
 };
 
-/// A tile on its way.
+/// The sums of an unfinished tile.
 struct TileSums {
   Tile tile;
   std::vector<PixelSums> pixels;    ///< row by row
@@ -50,12 +50,12 @@ struct TileSums {
   }
 };
 
-/// When pixels stop, but for the time.
+/// When pixels stop, apart from time limits.
 struct SamplingRule {
   int limit = 1;           ///< samples of a pixel at most
-  double max_noise = 0;    ///< 0: it takes all
+  double max_noise = 0;    ///< 0: takes all samples
   bool centre = false;     ///< the one sample is the pixel's centre
-  bool estimates = false;  ///< the noise of every pixel is wanted
+  bool estimates = false;  ///< the noise of every pixel is computed
 };
 
 }  // namespace kdray::core

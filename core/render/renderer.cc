@@ -18,11 +18,11 @@
 namespace kdray::core {
 namespace {
 
-// Rays of one batch: enough for engines that take coherent rays together, few enough to stay in
+// Rays of one batch: enough for kernels that trace coherent rays together, few enough to stay in
 // the second-level cache with their hits.
 constexpr int kRaysPerTile = 4096;
 
-// Samples by which a pixel goes on that is still noisy.
+// Samples that are added to a pixel that is still noisy.
 constexpr int kAdaptiveStep = 16;
 
 Error Invalid(std::string message) {
@@ -136,7 +136,7 @@ int TileSide(int samples_at_once) {
                   static_cast<int>(std::sqrt(static_cast<double>(kRaysPerTile) / samples_at_once)));
 }
 
-// What a tile's pixels have reached. Sums do not depend on the order of the tiles.
+// Results of the tiles. The sums do not depend on the order of the tiles.
 struct Reached {
   std::uint64_t samples = 0;
   double noise = 0;
@@ -158,8 +158,8 @@ struct Reached {
   }
 };
 
-// The ways from tiles to an image. Each looks at `cancel` once a tile, which is not much work; what
-// is traced and drawn in a tile looks by itself.
+// Renders tiles into an image. Checks `cancel` once a tile; tracing and drawing within a tile poll
+// by themselves.
 class ImageRenderer {
  public:
   ImageRenderer(const RenderSpec& spec, const SamplingRule& rule, const TileRenderer& renderer,
@@ -172,7 +172,7 @@ class ImageRenderer {
                        [&](std::size_t i) { return renderer_.RenderCentres(tiles[i]); });
   }
 
-  // Tile by tile, each until its pixels have enough.
+  // Tile by tile, each until its pixels have enough samples.
   Status RenderTiles(const Region& region, RenderedImage* image) const {
     const int first = spec_.max_noise ? std::min(kMinAdaptiveSamples, rule_.limit) : rule_.limit;
     const TileGrid tiles(region, TileSide(first));
@@ -193,7 +193,7 @@ class ImageRenderer {
     return status;
   }
 
-  // All tiles together, in passes, until the time is over.
+  // All tiles together, in passes, until the time has passed.
   Status RenderWithin(std::chrono::steady_clock::time_point end, const Region& region,
                       bool has_lines, RenderedImage* image) const {
     const TileGrid tiles(region, TileSide(kAdaptiveStep));
@@ -205,7 +205,7 @@ class ImageRenderer {
       sums.push_back(TileRenderer::Begin(tiles[i]));
     }
     std::atomic<bool> is_over{false};
-    // Lines take their depths from the first samples: one would be too rough.
+    // Lines use the depths of the first samples; one sample would be too coarse.
     const int first = std::min(has_lines ? kMinAdaptiveSamples : 1, rule_.limit);
     for (int target = first; !is_over; target = NextTarget(target)) {
       std::atomic<bool> is_finished{true};
@@ -234,7 +234,7 @@ class ImageRenderer {
   }
 
  private:
-  // What the place for a pixel's sums counts as (CancelPoll).
+  // Work (CancelPoll) of allocating a pixel's sums.
   static constexpr std::uint64_t kSumsWork = 32;
 
   // Of all tiles so far. Safe from many threads at once.
@@ -252,7 +252,7 @@ class ImageRenderer {
 
   template <class F>
   Status ForEachTile(std::size_t count, const F& f) const {
-    // Even after an error each piece takes its time, so there are not too many of them.
+    // Bounds the number of pieces, because each takes some time even after an error.
     constexpr std::size_t kMostPieces = std::size_t{1} << 16;
     FirstError first_error;
     ParallelFor(0, count, count / kMostPieces + 1, [&](std::size_t first, std::size_t last) {

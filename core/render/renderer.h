@@ -1,5 +1,5 @@
-// From a scene and a caller's wishes to pixels. Rays go through the batch interface of
-// core/trace/trace.h; core/render/picture.h turns the result into 8-bit colours.
+// Renders a scene to pixels. Rays go through the batch interface of core/trace/trace.h;
+// core/render/picture.h converts the result to 8-bit colours.
 #pragma once
 
 #include <chrono>
@@ -28,7 +28,7 @@ enum class RenderMode : std::uint8_t {
   kTriangle,  ///< number of the triangle
 };
 
-/// What lies behind the mesh.
+/// The background of the mesh.
 struct Background {
   Rgb color = {1, 1, 1};  ///< sRGB
   bool transparent = false;
@@ -36,13 +36,13 @@ struct Background {
 
 struct RenderSpec {
   static constexpr int kMaxWholeSide = 1 << 20;  ///< of the image that the camera sees
-  static constexpr int kMaxSide = 16384;         ///< of what is rendered of it
+  static constexpr int kMaxSide = 16384;         ///< of the rendered region
   static constexpr int kMaxSamples = 65536;
   int width = 640, height = 480;  ///< pixels of the whole image, each 1..kMaxWholeSide
   CameraSpec camera = {};
   RenderMode mode = RenderMode::kShaded;
   int samples = 1;  ///< per pixel, 1..kMaxSamples; 1 is the pixel's centre. kDepth and kTriangle
-                    ///< take one whatever this says
+                    ///< always take one
   Precision precision = Precision::kWatertight;
   Rgb color = {0.93f, 0.88f, 0.81f};                    ///< of the mesh, sRGB, each 0..1
   std::optional<Background> background = std::nullopt;  ///< left out: white for kShaded, else black
@@ -54,29 +54,29 @@ struct RenderSpec {
                                                 ///< it. At most kMaxSide a side
   std::uint64_t seed = 0;                       ///< of the sample positions
 
-  // With one of these, the pixels of kShaded and kNormal decide how many samples they take, up to
-  // max_samples, and `samples` does not count.
+  // With one of these, pixels of kShaded and kNormal stop by themselves, after at most max_samples,
+  // and `samples` is ignored.
 
   /// A pixel stops when the standard error of its mean luminance falls below this, > 0, and it has
   /// kMinAdaptiveSamples. Of linear light for kShaded, of (n + 1) / 2 for kNormal.
   std::optional<double> max_noise = std::nullopt;
-  /// Time for tracing, > 0: all pixels are refined together until it is over. The first samples are
-  /// taken whatever it says.
+  /// Time for tracing, > 0: all pixels are refined together until it has passed. The first samples
+  /// are always taken.
   std::optional<std::chrono::milliseconds> budget = std::nullopt;
   int max_samples = 1024;  ///< 1..kMaxSamples
 };
 
-/// Fewer samples say too little about their own error.
+/// With fewer samples the estimate of their error is unreliable.
 inline constexpr int kMinAdaptiveSamples = 16;
 
 /// What ended the sampling.
 enum class Stopped : std::uint8_t {
-  kDone,    ///< all samples are taken: RenderSpec::samples, or max_samples in some pixel
-  kNoise,   ///< every pixel has fallen below max_noise
-  kBudget,  ///< the time was over
+  kDone,    ///< all samples were taken: RenderSpec::samples, or max_samples in some pixel
+  kNoise,   ///< the noise of every pixel is below max_noise
+  kBudget,  ///< the time budget was used
 };
 
-/// What was rendered. All films cover the same region.
+/// A rendered image. All films cover the same region.
 struct RenderedImage {
   RenderMode mode = RenderMode::kShaded;
   Camera camera;          ///< as used, chosen values filled in
@@ -84,19 +84,19 @@ struct RenderedImage {
   Background background;  ///< as used
 
   /// kShaded: float, 4 channels: linear red, green, blue premultiplied by the fourth, coverage
-  /// (1 everywhere but before a transparent background). Lines of cells are in it.
-  /// kNormal: float, 3 channels: mean over the samples of x, y, z, where a miss counts as 0 0 0.
-  /// kDepth: float, 1 channel: infinity for a miss; a hit farther than float reaches has the
-  /// largest float. kTriangle: int32, 1 channel: -1 for a miss.
+  /// (less than 1 only with a transparent background). Includes lines of cells. kNormal: float, 3
+  /// channels: mean over the samples of x, y, z, where a miss counts as 0 0 0. kDepth: float, 1
+  /// channel: infinity for a miss; a hit beyond the range of float has the largest float.
+  /// kTriangle: int32, 1 channel: -1 for a miss.
   std::variant<Film<float>, Film<std::int32_t>> values;
 
   std::optional<Film<float>> coverage;  ///< kNormal: share of the samples that hit
-  std::optional<Film<float>> lines;     ///< cells asked for and not kShaded: opacity of the lines,
-                                        ///< for pictures; the numbers above stay as they are
+  std::optional<Film<float>> lines;  ///< if cells are drawn and the mode is not kShaded: opacity of
+                                     ///< the lines, for pictures; `values` has no lines
 
-  double samples = 1;           ///< a pixel, in the mean
+  double samples = 1;           ///< per pixel, on average
   std::optional<double> noise;  ///< largest standard error of a pixel (RenderSpec::max_noise); only
-                                ///< with max_noise or budget, and from two samples on
+                                ///< with max_noise or budget, and at least two samples
   Stopped stopped = Stopped::kDone;
 
   const Region& region() const {
@@ -106,14 +106,12 @@ struct RenderedImage {
 
 inline constexpr std::size_t kBudgetBytesPerPixel = 64;
 
-/// Renders in tiles, in parallel within the caller's arena; looks at `cancel` at least once per
-/// tile of at most 4096 rays (or one pixel). The result depends on scene.mesh and spec alone (with
-/// cells_depth on the tree as well): not on the number of threads, nor on the region, so that
-/// regions put together equal the whole bit for bit. (Not with a budget: then on the time as
-/// well.) Only what the mode needs is computed.
-/// Memory: 16 bytes a pixel at most, and some 0.5 MB a thread; with a budget
-/// kBudgetBytesPerPixel besides. `progress` may be null; it
-/// reaches 1. Errors: kInvalidArgument (the message begins with the field's name), kCancelled,
+/// Renders in tiles, in parallel within the caller's arena. The result depends only on scene.mesh
+/// and spec (with cells_depth also on the tree, with a budget also on the time). It does not depend
+/// on the number of threads, nor on the region, so regions put together equal the whole bit for
+/// bit. Only the mode's values are computed. Memory: 16 bytes a pixel at most, and some 0.5 MB a
+/// thread; with a budget kBudgetBytesPerPixel besides. `progress` may be null; it reaches 1.
+/// Errors: kInvalidArgument (the message begins with the field's name), kCancelled,
 /// kDeadlineExceeded. Safe from many threads at once.
 Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec,
                              const CancelToken& cancel = {}, Progress* progress = nullptr);

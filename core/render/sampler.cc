@@ -10,8 +10,8 @@ std::uint32_t ReverseBits(std::uint32_t word) {
   return __builtin_bswap32(word);
 }
 
-// Owen scrambling of a number given with its bits reversed: multiplying by even constants lets a
-// bit depend on lower ones only, which after the reversal are the more significant ones.
+// Owen scrambling of a number with reversed bits: after multiplying by even constants, a bit
+// depends only on lower bits, which the reversal makes the more significant ones.
 std::uint32_t ScrambleReversed(std::uint32_t word, std::uint32_t seed) {
   word += seed;
   word ^= word * 0x6c50b47cu;

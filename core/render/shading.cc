@@ -13,7 +13,7 @@ Vec3d UnitNormal(const TriangleMesh& mesh, PrimitiveId id) {
   const Vec3d a = mesh.LocalCorner(id, 0);
   Vec3d e1 = mesh.LocalCorner(id, 1) - a;
   Vec3d e2 = mesh.LocalCorner(id, 2) - a;
-  // Edges are scaled to about 1 first: the product of two of 1e-160 would vanish.
+  // Edges are first scaled to about 1: the product of two edges of 1e-160 would underflow.
   const double size1 = MaxAbs(e1);
   const double size2 = MaxAbs(e2);
   if (!(size1 > 0 && size2 > 0)) return {};

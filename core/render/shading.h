@@ -1,4 +1,4 @@
-// What a hit looks like.
+// The appearance of a hit.
 #pragma once
 
 #include "core/geometry/hit.h"
@@ -9,17 +9,17 @@
 namespace kdray::core {
 
 /// Unit normal of a triangle by the order of its corners (counter-clockwise seen from outside), in
-/// world axes. A zero vector when double cannot tell it: for a degenerate triangle, and for one so
-/// thin that its corners look collinear; never NaN.
+/// world axes. A zero vector if double cannot resolve it: for a degenerate triangle, and for one so
+/// thin that its corners are collinear in double. Never NaN.
 Vec3d UnitNormal(const TriangleMesh& mesh, PrimitiveId id);
 
-/// How much of a headlight's light a surface sends back to the eye: |cos| between the normal and
-/// the viewing ray, two-sided (Lambert, 1760). 1 for a zero normal: such a triangle is no more than
-/// a line in any picture, and black would look like a crack.
+/// The share of a headlight's light that a surface reflects to the eye: |cos| between the normal
+/// and the viewing ray, two-sided (Lambert, 1760). 1 for a zero normal: such a triangle is at most
+/// a line in a picture, and black would look like a crack.
 float HeadlightCosine(const Vec3d& unit_normal, const Vec3d& ray_direction);
 
-/// A strong colour for a triangle number, sRGB: near numbers look different, and a number always
-/// looks the same.
+/// A saturated colour for a triangle number, sRGB. Nearby numbers have different colours, and a
+/// number always has the same.
 Rgb HashedColor(PrimitiveId id);
 
 }  // namespace kdray::core

@@ -94,8 +94,8 @@ Status TileRenderer::Refine(int target, TileSums* sums) const {
   Status status = TraceClosest(scene_, std::span<const Ray>(rays), trace_options_, hits);
   if (!status.ok()) return status;
   if (lines_ && sums->line_opacity.empty()) {
-    // Of the first samples, of which all pixels have as many: what they tell of the depth is enough
-    // for a line's edge.
+    // From the first samples, of which all pixels have the same number: their depths are accurate
+    // enough for a line's edge.
     sums->line_opacity.resize(sums->pixels.size());
     status = lines_->Draw(sums->tile, hits, target, sums->line_opacity, trace_options_.cancel);
     if (!status.ok()) return status;
@@ -118,7 +118,7 @@ Status TileRenderer::Refine(int target, TileSums* sums) const {
   return {};
 }
 
-// The missing samples of the first pixel that has not stopped, of the second, …
+// The missing samples of each pixel that has not stopped, pixel by pixel.
 std::vector<Ray> TileRenderer::MakeRays(int target, const TileSums& sums) const {
   std::size_t count = 0;
   for (const PixelSums& pixel : sums.pixels) {
@@ -142,7 +142,7 @@ std::vector<Ray> TileRenderer::MakeRays(int target, const TileSums& sums) const 
   return rays;
 }
 
-// Light and misses are summed apart: the mesh has one colour, the background another.
+// Light and misses are summed separately, because mesh and background have different colours.
 void TileRenderer::AddShaded(std::span<const Ray> rays, std::span<const Hit> hits,
                              PixelSums* pixel) const {
   for (std::size_t i = 0; i < hits.size(); ++i) {

@@ -1,4 +1,4 @@
-// Renders one tile of an image: rays, hits, sums, pixels. core/render/renderer.h runs it over all
+// Renders one tile of an image: rays, hits, sums, pixels. core/render/renderer.h calls it for all
 // tiles.
 #pragma once
 
@@ -20,8 +20,8 @@
 
 namespace kdray::core {
 
-/// What the tiles share. Tiles write to different pixels of the image's films, so different ones
-/// may be rendered from different threads. Scene and image must outlive it.
+/// The common data of all tiles. Tiles write to different pixels of the image's films, so different
+/// threads may render different tiles. Scene and image must outlive it.
 class TileRenderer {
  public:
   TileRenderer(const Scene& scene, const RenderSpec& spec, const SamplingRule& rule,
@@ -29,14 +29,14 @@ class TileRenderer {
 
   void SetLines(CellLines lines);
 
-  /// kDepth and kTriangle: the pixels' centres, at once.
+  /// kDepth and kTriangle: renders the pixels' centres in one step.
   Status RenderCentres(const Tile& tile) const;
 
-  // kShaded and kNormal.
+  // For kShaded and kNormal.
   static TileSums Begin(const Tile& tile);
   /// Brings every pixel that has not stopped to `target` samples, and stops those that have enough.
   Status Refine(int target, TileSums* sums) const;
-  /// Into the films.
+  /// Writes the pixels into the films.
   void Write(const TileSums& sums) const;
 
  private:

@@ -10,7 +10,7 @@
 namespace kdray::core {
 namespace {
 
-// Squares of 1e-200 are 0.
+// Scaled, because squares of 1e-200 are 0.
 double LengthAtAnyScale(const Vec3d& v) {
   const double largest = MaxAbs(v);
   return largest * Length(v * (1 / largest));
@@ -24,14 +24,14 @@ class SeenTriangle {
         normal_(Cross(corners_[1] - corners_[0], corners_[2] - corners_[0])),
         twice_area_(Length(normal_)) {}
 
-  /// |cos| between the direction and the normal; 1 for a needle whose normal is lost in rounding,
-  /// which says nothing about the angle.
+  /// |cos| between the direction and the normal; 1 for a needle whose normal is only rounding
+  /// error.
   double CosineTo(const Vec3d& direction) const {
     if (!(twice_area_ > 0)) return 1;
     return std::fabs(Dot(normal_, NormalizedAtAnyScale(direction))) / twice_area_;
   }
 
-  /// From the hit to the nearest edge, in the triangle's plane.
+  /// The distance from the hit to the nearest edge, in the triangle's plane.
   double DistanceToBorder(const Hit& hit) const {
     const double weights[3] = {1 - hit.u - hit.v, hit.u, hit.v};
     double nearest = HUGE_VAL;
@@ -92,7 +92,7 @@ void AccuracyJudge::AddRow(const Ray& ray, const Hit& exact, const Hit& hit) {
   if (shared >= 2) t_errors_.push_back(error);
 }
 
-// By position: in some formats no two triangles share a vertex.
+// Compares positions, because in some formats triangles do not share vertices.
 int AccuracyJudge::SharedCorners(PrimitiveId a, PrimitiveId b) const {
   int shared = 0;
   for (int i = 0; i < 3; ++i) {
@@ -110,14 +110,14 @@ int AccuracyJudge::SharedCorners(PrimitiveId a, PrimitiveId b) const {
 double AccuracyJudge::ScaledError(const Ray& ray, const Hit& exact, const Hit& hit) const {
   if (hit.t == exact.t) return 0;
   const double cosine = SeenTriangle(mesh_, hit.primitive_id).CosineTo(ray.direction);
-  // Quarters, so that nothing overflows where t is near the end of double's range.
+  // Quarters, so nothing overflows when t is near the largest double.
   return std::fabs(0.25 * hit.t - 0.25 * exact.t) * cosine /
          (0.25 * std::fabs(exact.t) + 0.25 * (extent_ / LengthAtAnyScale(ray.direction)));
 }
 
 bool AccuracyJudge::IsFold(const Ray& ray, const Hit& nearer) const {
   const SeenTriangle triangle(mesh_, nearer.primitive_id);
-  // A ray that is moved by a pad on each axis moves its hit by that over the cosine.
+  // Moving a ray by a pad on each axis moves its hit by the pad over the cosine.
   return triangle.DistanceToBorder(nearer) * triangle.CosineTo(ray.direction) <=
          std::sqrt(3.0) * pad_;
 }

@@ -1,4 +1,4 @@
-// Holds the hits of one precision against the exact ones.
+// Compares the hits of one precision with the exact ones.
 #pragma once
 
 #include <span>
@@ -11,13 +11,13 @@
 
 namespace kdray::core {
 
-/// Collects rows, then sums them up. The mesh must outlive it. One thread at a time.
+/// Collects rows, then summarises them. The mesh must outlive it. For one thread at a time.
 class AccuracyJudge {
  public:
-  /// `from_inside`: rays start strictly inside the mesh, so that a miss is a leak.
+  /// `from_inside`: rays start strictly inside the mesh, so a miss is a leak.
   AccuracyJudge(const TriangleMesh& mesh, Precision precision, bool from_inside);
 
-  /// As many rays as hits and exact hits.
+  /// The three must have the same size.
   void Add(std::span<const Ray> rays, std::span<const Hit> exact, std::span<const Hit> hits);
   Accuracy Sum() const;
 
@@ -29,8 +29,8 @@ class AccuracyJudge {
 
   const TriangleMesh& mesh_;
   double extent_;
-  double pad_;        // by which rounding may move a ray, local units
-  double tolerance_;  // of the scaled error of t, beyond which a fold is looked for
+  double pad_;        // bound of a ray's displacement by rounding, local units
+  double tolerance_;  // of the scaled error of t; above it, a fold is suspected
   Accuracy sum_;
   std::vector<double> t_errors_;
 };

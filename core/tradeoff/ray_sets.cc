@@ -40,7 +40,7 @@ class Random {
   std::mt19937_64 engine_;
 };
 
-// A ray from `origin` towards `target`; in any direction should they be the same.
+// A ray from `origin` towards `target`; in any direction if the two are equal.
 Ray RayTowards(const Vec3d& origin, const Vec3d& target, Random* random) {
   Ray ray;
   ray.origin = origin;
@@ -55,7 +55,7 @@ Ray RayFromOutside(const Bounds3d& bounds, Random* random) {
   return RayTowards(origin, random->PointIn(bounds), random);
 }
 
-/// The first hit behind `t`, exactly.
+/// The first hit with a larger t than `t`, exactly.
 Hit HitBehind(const Scene& scene, Ray ray, double t) {
   ray.t_min = std::nextafter(t, std::numeric_limits<double>::infinity());
   return ClosestHit(scene, ray, Precision::kExact);
@@ -85,12 +85,13 @@ class Aim {
     std::optional<int> plane;  // the axis on which the point has a vertex's coordinate
   };
 
-  /// Empty when none was found.
+  /// Empty if no point was found.
   Result<std::vector<Origin>> OriginsInside(const CancelToken& cancel) {
     std::vector<Origin> origins;
     for (std::size_t i = 0; i < kOrigins * kTriesPerOrigin && origins.size() < kOrigins; ++i) {
       if (cancel.ShouldStop()) return cancel.ToError();
-      // Every try costs some rays: who has found nothing by then will not.
+      // Every attempt costs some rays; after this many without success, more are unlikely to
+      // succeed.
       if (origins.empty() && i > 4 * kOrigins) break;
       std::optional<Vec3d> point = BetweenSurfaces();
       if (!point) continue;
@@ -103,7 +104,7 @@ class Aim {
 
   std::vector<Origin> OriginsAnywhere() {
     std::vector<Origin> origins;
-    // Somewhat wider than the bounds, which may be flat.
+    // Slightly larger than the bounds, which may be flat.
     Bounds3d bounds = mesh_.bounds();
     const double side = 0.25 * LongestSide();
     bounds.min = bounds.min - Vec3d{side, side, side};
@@ -150,7 +151,7 @@ class Aim {
     return ray.origin + ray.direction * (0.5 * first.t + 0.5 * second.t);
   }
 
-  /// Gives the point the coordinate of the nearest of some vertices, on a random axis.
+  /// Sets the point's coordinate on a random axis to that of the nearest of some vertices.
   int MoveIntoPlane(Vec3d* point) {
     const int axis = static_cast<int>(random_.Below(3));
     double nearest = std::numeric_limits<double>::infinity();
@@ -163,8 +164,8 @@ class Aim {
     return axis;
   }
 
-  // On a surface rounding decides whether t is negative and the ray goes on: that says nothing
-  // about the mesh.
+  // For an origin on the surface, rounding decides whether t is negative, which says nothing about
+  // the mesh.
   bool IsClear(const Vec3d& point) {
     Ray ray;
     ray.origin = point;
@@ -177,8 +178,8 @@ class Aim {
     return true;
   }
 
-  // Precisions that round vertices move the surface, by 2^-24 of the mesh's size: a point inside
-  // must be inside for them as well.
+  // Precisions that round vertices move the surface by 2^-24 of the mesh's size; the point must be
+  // inside for them too.
   bool IsInside(const Vec3d& point) {
     const double margin = Margin();
     for (int i = 0; i < 3; ++i) {
@@ -224,7 +225,7 @@ Result<AimedRays> MakeAimedRays(const Scene& scene, bool closed, std::size_t cou
   aimed.from_inside = !origins.empty();
   if (origins.empty()) origins = aim.OriginsAnywhere();
   aimed.rays.resize(count);
-  // Four rays of different aim from each origin in turn.
+  // Four rays with different aims from each origin in turn.
   for (std::size_t i = 0; i < count; ++i) {
     aimed.rays[i] = aim.RayFrom(origins[i / 4 % origins.size()], i);
   }

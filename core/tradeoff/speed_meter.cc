@@ -12,7 +12,7 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-// From here on TraceClosest has enough rays to spread them over the threads itself.
+// From this size on, TraceClosest distributes the rays over the threads by itself.
 constexpr std::size_t kWholeBatch = 4 * 4096;
 
 }  // namespace
@@ -30,7 +30,8 @@ Status SpeedMeter::Run(std::chrono::nanoseconds time, const CancelToken& cancel)
   using Seconds = std::chrono::duration<double>;
   if (rays_.empty()) return {};
   const auto begin = SteadyClock::now();
-  // Of the rounds of the latest size: the first ones, of few rays, only find that size.
+  // Counts only the rounds of the latest size: the first ones, with few rays, only determine that
+  // size.
   std::size_t rays = 0;
   auto rays_begin = begin;
   for (;;) {

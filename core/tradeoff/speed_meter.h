@@ -1,4 +1,4 @@
-// How many rays a second one build traces in one precision.
+// Measures the rays a second of one build in one precision.
 #pragma once
 
 #include <chrono>
@@ -15,17 +15,17 @@
 
 namespace kdray::core {
 
-/// Times runs over one set of rays. It begins with a ray a thread and goes on with more as long as
-/// they are quick, so that a run ends in time even where a ray takes milliseconds. The scene and
-/// the rays must outlive it. One thread at a time, within the arena that does the work.
+/// Times runs over one set of rays. A run begins with one ray a thread and takes more while they
+/// are quick, so it ends in time even if a ray takes milliseconds. The scene and the rays must
+/// outlive it. For one thread at a time, within the arena that does the work.
 class SpeedMeter {
  public:
   SpeedMeter(const Scene& scene, std::span<const Ray> rays, Precision precision, int threads);
 
-  /// One run, of about the given time. Errors: kCancelled, kDeadlineExceeded.
+  /// Makes one run of about the given time. Errors: kCancelled, kDeadlineExceeded.
   Status Run(std::chrono::nanoseconds time, const CancelToken& cancel);
 
-  /// Over all runs so far.
+  /// The result of all runs so far.
   Speed Sum() const;
   /// Hits of the rays that were traced, from the first on.
   std::span<const Hit> hits() const { return std::span(hits_).first(traced_); }

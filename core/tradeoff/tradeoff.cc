@@ -17,13 +17,13 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-// Shares of the time for tracing. Rare errors need many rays; a speed that is not measured yet
-// after some milliseconds does not get better.
+// Shares of the time for tracing. Rare errors need many rays, while a speed is accurate after some
+// milliseconds.
 constexpr double kJudgingShare = 0.3;
 constexpr double kSteppingShare = 0.1;
 constexpr double kTimingShare = 1 - kJudgingShare - kSteppingShare;
 
-// What an accuracy costs of the whole, for the progress; the rest goes to the builds.
+// The share of an accuracy in the whole, for the progress; the builds have the rest.
 constexpr double kJudgingProgress = 0.2;
 
 // Rays of a batch that is not timed: at first so few that one batch is quick in any structure, in
@@ -42,7 +42,7 @@ bool SameBits(const Hit& a, const Hit& b) {
   return a.primitive_id == b.primitive_id && same(a.t, b.t) && same(a.u, b.u) && same(a.v, b.v);
 }
 
-/// One measuring from its start to its end.
+/// One measurement from start to end.
 class Measuring {
  public:
   Measuring(std::shared_ptr<const TriangleMesh> mesh, bool closed, const TradeoffOptions& options,
@@ -92,8 +92,8 @@ class Measuring {
     return Time(scene, kind);
   }
 
-  // Accuracy does not depend on the build, so the first one is judged; of the others only that
-  // they answer the same is checked.
+  // Accuracy does not depend on the build, so it is measured on the first one. The others are only
+  // checked to give the same answers.
   Status Judge(const Scene& scene) {
     Result<AimedRays> aimed =
         MakeAimedRays(scene, result_.closed, options_.rays, options_.seed + 1, cancel_);
@@ -160,7 +160,7 @@ class Measuring {
     return {};
   }
 
-  // The precisions take turns, so that a machine that slows down slows all of them.
+  // The precisions alternate, so a machine that slows down slows all of them.
   Status Time(const Scene& scene, BuildKind kind) {
     struct Meters {
       SpeedMeter random, aimed;
@@ -200,8 +200,8 @@ class Measuring {
     return rate;
   }
 
-  /// Size of the batch after `done` rays: as many as all before, so that no batch goes far beyond
-  /// the time.
+  /// Size of the batch after `done` rays: as large as all before, so no batch exceeds the time by
+  /// much.
   std::size_t NextBatch(std::size_t done) const {
     const std::size_t most = kRaysPerThread * static_cast<std::size_t>(options_.threads);
     return std::min(std::clamp(done, kFirstBatch, most), options_.rays - done);

@@ -1,4 +1,4 @@
-// What speed costs in accuracy, measured on one mesh: every build with every precision.
+// Measures speed and accuracy on one mesh: every build with every precision.
 #pragma once
 
 #include <chrono>
@@ -18,7 +18,7 @@
 
 namespace kdray::core {
 
-/// How many of so many rays went wrong.
+/// The number of wrong rays among all rays of a kind.
 struct ErrorRate {
   std::uint64_t count = 0;
   std::uint64_t rays = 0;
@@ -26,8 +26,8 @@ struct ErrorRate {
   double rate() const {
     return rays == 0 ? 0.0 : static_cast<double>(count) / static_cast<double>(rays);
   }
-  /// Where nothing went wrong: what the true rate is below with 95% confidence, 3 / rays ("rule of
-  /// three"; 1 without a ray). Nothing once something was seen.
+  /// If no ray was wrong, the upper bound of the true rate with 95% confidence: 3 / rays ("rule of
+  /// three"; 1 without a ray). Otherwise nullopt.
   std::optional<double> bound() const {
     if (count != 0) return std::nullopt;
     return rays <= 3 ? 1.0 : 3.0 / static_cast<double>(rays);
@@ -38,45 +38,45 @@ struct ErrorRate {
 /// |t - exact t| * |cos| / (|t| + extent / |d|), which is at most PromisedTError: at grazing
 /// incidence and near the origin nothing bounds the error relative to t itself. Dimensionless.
 /// extent is the longest side of the mesh's bounds, d the ray's direction, cos that between d and
-/// the normal of the triangle that was named. Over rays where both named the same triangle or two
-/// that share an edge, folds left out.
+/// the normal of the triangle that was named. Over rays for which both found the same triangle or
+/// two that share an edge, without folds.
 struct TError {
   std::uint64_t rays = 0;
-  double p999 = 0;  ///< 999 of 1000 are not above it
+  double p999 = 0;  ///< 999 of 1000 are at most this
   double max = 0;
   friend bool operator==(const TError&, const TError&) = default;
 };
 
-/// The bound that a precision promises on the scaled error of t; nothing for `fast`. `exact` is the
-/// reference.
+/// The bound that a precision guarantees for the scaled error of t; nullopt for `fast`. `exact` is
+/// the reference.
 std::optional<double> PromisedTError(Precision precision);
 
-/// One precision against `exact`, on aimed rays. The build has no part in it.
+/// One precision compared with `exact`, on aimed rays. It does not depend on the build.
 struct Accuracy {
   Precision precision = Precision::kExact;
-  /// Rays from strictly inside a closed mesh that hit nothing. Nothing where the mesh is not
-  /// closed, or no point inside it was found.
+  /// Rays from strictly inside a closed mesh that miss it. nullopt if the mesh is not closed, or no
+  /// point inside it was found.
   std::optional<ErrorRate> leaks;
-  ErrorRate wrong_triangles;        ///< another triangle than the exact one; mostly its neighbour
-  ErrorRate unconnected_triangles;  ///< of those, the ones that share no corner with it
-  /// Of those, rays past a fold of the surface: the nearer of the two hits lies within rounding
-  /// (a pad, core/geometry/local_ray.h) of its triangle's border, so that one arithmetic sees the
-  /// ray touch the fold and the other sees it pass to what is behind.
+  ErrorRate wrong_triangles;        ///< another triangle than the exact one, mostly its neighbour
+  ErrorRate unconnected_triangles;  ///< those of them that share no corner with it
+  /// Of those, rays past a fold of the surface: the nearer of the two hits lies within rounding (a
+  /// pad, core/geometry/local_ray.h) of its triangle's border, so in one arithmetic the ray touches
+  /// the fold, and in the other it passes to the surface beyond.
   ErrorRate folds;
-  ErrorRate missed_hits;  ///< nothing, where there is an exact hit
-  ErrorRate extra_hits;   ///< a hit, where there is no exact one
+  ErrorRate missed_hits;  ///< a miss instead of an exact hit
+  ErrorRate extra_hits;   ///< a hit instead of an exact miss
   TError t_error;
   friend bool operator==(const Accuracy&, const Accuracy&) = default;
 };
 
-/// Rays a second on all threads together: the middle run, and the extremes.
+/// Rays a second on all threads together: the median run, and the extremes.
 struct Speed {
   double rays_per_s = 0;
   double slowest = 0, fastest = 0;
   friend bool operator==(const Speed&, const Speed&) = default;
 };
 
-/// Work of one ray in the mean.
+/// Average work of one ray.
 struct Steps {
   std::uint64_t rays = 0;  ///< that were counted
   double nodes = 0;
@@ -97,7 +97,7 @@ struct MeasuredPair {
   BuildKind build = BuildKind::kBox;
   Precision precision = Precision::kExact;
   Speed random, aimed;
-  /// Aimed rays whose answer was not, bit for bit, that of the first build: there must be none.
+  /// Aimed rays whose answer differed in a bit from that of the first build; must be 0.
   ErrorRate differences;
   friend bool operator==(const MeasuredPair&, const MeasuredPair&) = default;
 };
@@ -110,7 +110,7 @@ struct Tradeoff {
   int threads = 0;
   double load_average = 0;           ///< TradeoffOptions::load_average
   std::uint64_t runs = 0;            ///< timed runs, over all pairs
-  std::uint64_t disturbed_runs = 0;  ///< of them, those beside which other work was seen
+  std::uint64_t disturbed_runs = 0;  ///< those of them during which other work ran
   double total_ms = 0;
   std::vector<Accuracy> precisions;   ///< in the order asked
   std::vector<MeasuredBuild> builds;  ///< in the order asked
@@ -122,22 +122,23 @@ struct TradeoffOptions {
   std::vector<BuildKind> builds = {kAllBuildKinds.begin(), kAllBuildKinds.end()};
   std::vector<Precision> precisions = {kAllPrecisions.begin(), kAllPrecisions.end()};
   std::uint64_t seed = 1;
-  std::size_t rays = std::size_t{1} << 16;  ///< at most, of each kind; more: surer of rare errors
+  std::size_t rays = std::size_t{1} << 16;  ///< at most, of each kind; more find rarer errors
   int runs = 3;                             ///< of each pair and kind of rays
-  /// For all tracing; building comes on top. Slow pairs (`box` on a large mesh) trace fewer rays.
+  /// For all tracing, without building. Slow pairs (`box` on a large mesh) trace fewer rays.
   std::chrono::milliseconds trace_time{8000};
   int threads = 1;          ///< of the caller's arena
-  double load_average = 0;  ///< of the machine before it begins; only passed on
-  /// Whether other work goes on now, which makes times larger; empty: never. Asked around each run.
+  double load_average = 0;  ///< of the machine before the measurement; only copied to the result
+  /// Whether other work runs now, which makes times larger; empty: never. Called before and after
+  /// each run.
   std::function<bool()> is_disturbed;
 };
 
 /// Builds every structure over `mesh` in turn, in the caller's arena, and traces random rays
 /// (between points of a sphere around the mesh and points of its bounds) and aimed ones (at
 /// vertices, at edges, within planes through vertices; from strictly inside a closed mesh).
-/// `closed` is MeshHealth::closed. Errors: those of BuildTree; kCancelled, kDeadlineExceeded.
-/// Times differ from run to run; everything else depends on mesh, seed and the number of rays
-/// that there was time for.
+/// `closed` is MeshHealth::closed. Errors: those of BuildTree; kCancelled, kDeadlineExceeded. Times
+/// differ from run to run; everything else depends on the mesh, the seed and the number of rays
+/// traced in the time.
 Result<Tradeoff> MeasureTradeoff(const std::shared_ptr<const TriangleMesh>& mesh, bool closed,
                                  const TradeoffOptions& options, const CancelToken& cancel,
                                  Progress* progress = nullptr);
