@@ -1,5 +1,4 @@
-// The small answers as JSON text (UTF-8, no line breaks). Batches have their own:
-// api/batch_codec.h.
+// Encodes the small answers as JSON text (UTF-8, no line breaks). For batches: api/batch_codec.h.
 #pragma once
 
 #include <string>

@@ -1,5 +1,4 @@
-// Batches of rays in, their answers out, as JSON or .npy (API contract, "Batches of rays and
-// points").
+// Decodes batches of rays and encodes their answers, as JSON or .npy.
 #pragma once
 
 #include <string>
@@ -13,7 +12,7 @@ namespace kdray::api {
 
 /// Reads `{"rays": [[…],…]}` or a .npy array of shape (…, 6) or (…, 8). Rows of 6 get their
 /// interval from `options`. invalid_json (with the JSON pointer, and the line), invalid_array,
-/// too_many_rays, body_too_large. Rows are not judged: a NaN direction is the engine's to name in
+/// too_many_rays, body_too_large. Rows are not checked: the backend lists invalid ones in
 /// `invalid`. Memory: the rows, no copy of the body.
 Outcome<RayTable> DecodeRays(std::string_view body, BatchType type, const RayOptions& options,
                              const Limits& limits);
@@ -21,7 +20,7 @@ Outcome<RayTable> DecodeRays(std::string_view body, BatchType type, const RayOpt
 /// The answer of rays/closest. `rays` gives the leading shape and the default `dtype`, `options`
 /// the fields in their order. npy: one field is a plain array, several a packed structured one;
 /// numbers `<f4`/`<i4` or `<f8`/`<i8`; a miss has triangle -1 and t inf, an invalid row t NaN.
-/// JSON: `null` for both, and `invalid` names the rows.
+/// JSON: `null` for both, and `invalid` lists the rows.
 std::string EncodeClosest(const ClosestAnswer& answer, const RayTable& rays,
                           const RayOptions& options, BatchType type);
 

@@ -36,8 +36,8 @@ std::string_view Next(std::string_view* rest, char separator) {
   return Trim(part);
 }
 
-/// The q-value among a media range's parameters; 1 when there is none. What is no number counts as
-/// none, as for a server that ignores a damaged Accept.
+/// The q-value among a media range's parameters; 1 if absent. A value that is not a number counts
+/// as none, as for a server that ignores a damaged Accept.
 double Quality(std::string_view parameters) {
   while (!parameters.empty()) {
     std::string_view parameter = Next(&parameters, ';');

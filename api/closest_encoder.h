@@ -10,8 +10,8 @@
 namespace kdray::api {
 
 /// `numbers` is the type of t, u, v, normal and point: in JSON their text is the shortest that
-/// reads back as that type. A hit's numbers are finite: what is beyond the type's range becomes its
-/// largest finite number, so that a hit never looks like a miss. No number is -0.
+/// reads back as that type. A hit's numbers are finite: a number beyond the type's range becomes
+/// its largest finite number, so a hit never looks like a miss. No number is -0.
 std::string ClosestAsJson(const ClosestAnswer& answer, const std::vector<RayField>& fields,
                           NumberType numbers);
 std::string ClosestAsNpy(const ClosestAnswer& answer, const std::vector<RayField>& fields,

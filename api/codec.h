@@ -1,5 +1,4 @@
-// Everything that turns bytes of HTTP into request structs and answer structs into bytes; for
-// handlers, in the order in which a request meets it.
+// All decoders of requests and encoders of answers, for handlers.
 #pragma once
 
 #include "api/answer_codec.h"   // IWYU pragma: export

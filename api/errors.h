@@ -1,5 +1,5 @@
-// The one table of errors of the HTTP contract: code, status, title. The server's answers, the
-// /problems/ pages, the documentation and the tests all walk it.
+// The table of errors of the HTTP contract: code, status, title, meaning. The server's answers, the
+// /problems/ pages, the documentation and the tests all use it.
 #pragma once
 
 #include <cstdint>
@@ -53,7 +53,7 @@ struct ErrorRow {
   int status;              ///< HTTP status
   std::string_view title;  ///< `title` of the problem document
   std::string_view
-      meaning;  ///< a sentence or two for the /problems/<code> page: when it comes and what to do
+      meaning;  ///< a sentence or two for the /problems/<code> page: when it occurs and what to do
 };
 
 /// All rows, in the order of the enumerators.
@@ -61,14 +61,14 @@ std::span<const ErrorRow> ErrorTable();
 const ErrorRow& RowOf(ErrorCode code);
 std::optional<ErrorCode> ParseErrorCode(std::string_view name);
 
-/// A refusal on its way to the client: becomes application/problem+json (RFC 9457).
+/// An error for the client: becomes application/problem+json (RFC 9457).
 struct Problem {
   ErrorCode code = ErrorCode::kInternal;
-  std::string detail;  ///< says where and what was allowed; nothing internal
+  std::string detail;  ///< says where the error is and what is allowed; nothing internal
   std::optional<std::string> parameter =
       {};                                  ///< name of a query parameter or header, or JSON pointer
-  std::optional<double> limit = {};        ///< what was allowed
-  std::optional<double> actual = {};       ///< what came
+  std::optional<double> limit = {};        ///< the bound that `actual` violates
+  std::optional<double> actual = {};       ///< the value of the request
   std::optional<std::uint64_t> line = {};  ///< 1-based line of a text mesh or JSON body
   std::optional<int> retry_after_s = {};   ///< Retry-After, with 409 and 503
 };

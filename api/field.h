@@ -1,6 +1,7 @@
-// Fields of requests as data. One table a request (api/request_fields.h) says each field's name,
-// what it takes and where it goes; reading it from query parameters or a JSON object, refusing,
-// writing the canonical text and checking the documentation all walk the same table.
+// Fields of requests as data. A table for each request (api/request_fields.h) gives each field's
+// name, its allowed values and its member. The same table serves to read the field from query
+// parameters or a JSON object, to report errors, to write the canonical text, and to check the
+// documentation.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +28,7 @@ struct Field {
   std::string_view name;
   FieldKind kind;
   std::function<void(Request&, FieldValue)> set;
-  std::function<std::optional<FieldValue>(const Request&)> get;  ///< nullopt: left out
+  std::function<std::optional<FieldValue>(const Request&)> get;  ///< nullopt: absent
   bool required = false;
   bool shapes_answer = true;  ///< false: the answer's bytes do not depend on it
 };
@@ -106,7 +107,7 @@ Field<Request> MemberField(std::string_view name, FieldKind kind, T Request::*me
 
 // ---- Whole requests ----
 
-/// "there is no parameter 'x' here; there are a, b"; `later` names get their own sentence.
+/// "there is no parameter 'x' here; there are a, b"; `later` names have their own sentence.
 Problem UnknownField(std::string_view name, const std::vector<std::string_view>& names,
                      const std::vector<std::string_view>& later);
 Problem MissingField(std::string_view name, const FieldKind& kind);
@@ -127,7 +128,7 @@ Problem UnknownField(const FieldTable<Request>& table, std::string_view name) {
   return UnknownField(name, names, table.later);
 }
 
-/// Fills a Request from a query; what is left out keeps its default.
+/// Fills a Request from a query; absent fields keep their defaults.
 template <class Request>
 Outcome<Request> ReadQuery(const FieldTable<Request>& table, std::string_view query) {
   const Outcome<std::vector<Parameter>> parameters = ParseQuery(query);
@@ -149,8 +150,7 @@ Outcome<Request> ReadQuery(const FieldTable<Request>& table, std::string_view qu
   return request;
 }
 
-/// The same from a JSON object. `parameter` of the problem is a JSON pointer, and the line is
-/// named.
+/// The same from a JSON object. The problem's `parameter` is a JSON pointer, and it has the line.
 template <class Request>
 Outcome<Request> ReadObject(const FieldTable<Request>& table, const JsonObject& object) {
   Request request;
@@ -172,8 +172,7 @@ Outcome<Request> ReadObject(const FieldTable<Request>& table, const JsonObject& 
   return request;
 }
 
-/// `name=value&…` of every field that shapes the answer, in the table's order, defaults written
-/// out.
+/// `name=value&…` of every field that affects the answer, in the table's order, with defaults.
 template <class Request>
 std::string CanonicalText(const FieldTable<Request>& table, const Request& request) {
   std::string text;

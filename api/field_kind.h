@@ -1,5 +1,5 @@
-// What a field of a request takes, and its value: read from a parameter's text or from JSON,
-// written as text again. The tables of fields (api/request_fields.h) are made of these.
+// The kinds of fields of requests, and their values: read from a parameter's text or from JSON, and
+// written as text. The tables of fields (api/request_fields.h) consist of these.
 #pragma once
 
 #include <cstdint>
@@ -21,16 +21,16 @@ namespace kdray::api {
 struct IntegerKind {
   std::int64_t min = 0, max = 0;
 };
-/// A finite number in the interval; an open end is not part of it.
+/// A finite number in the interval; an open end is excluded.
 struct NumberKind {
   double min = std::numeric_limits<double>::lowest(), max = std::numeric_limits<double>::max();
   bool open_min = false, open_max = false;
-  bool or_infinity = false;  ///< the word `inf` too, as a parameter
+  bool or_infinity = false;  ///< also the word `inf`, as a parameter
 };
 /// Three finite numbers from `min` to `max`: `1,2,3` as a parameter, an array in JSON.
 struct VectorKind {
   double min = std::numeric_limits<double>::lowest(), max = std::numeric_limits<double>::max();
-  std::string_view word = {};  ///< a word that may stand instead
+  std::string_view word = {};  ///< a word that is allowed instead
 };
 /// `count` integers: `1,2` as a parameter, an array in JSON.
 struct IntegersKind {
@@ -41,7 +41,7 @@ struct IntegersKind {
 struct ChoiceKind {
   std::span<const std::string_view> names, later = {};
 };
-/// At least one of `names`, each at most once, with commas between.
+/// At least one of `names`, each at most once, separated by commas.
 struct ChoicesKind {
   std::span<const std::string_view> names;
 };
@@ -53,7 +53,7 @@ struct TextKind {
 using FieldKind = std::variant<IntegerKind, NumberKind, VectorKind, IntegersKind, ChoiceKind,
                                ChoicesKind, TextKind>;
 
-/// What `kind` takes in words: "an integer from 1 to 1024".
+/// The allowed values of `kind` in words: "an integer from 1 to 1024".
 std::string Describe(const FieldKind& kind);
 
 // ---- Its value ----

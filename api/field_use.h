@@ -1,5 +1,5 @@
-// Which fields of a render belong to which mode, projection or form of the answer, as one table. A
-// new mode or field adds to the table and to nothing else.
+// The table of the modes, projections and forms of the answer that use each field of a render. A
+// new mode or field changes only this table.
 #pragma once
 
 #include <string>
@@ -10,7 +10,7 @@
 namespace kdray::api {
 
 /// invalid_parameter for the first field that the request's mode, projection or form does not use,
-/// unless its value is the default. `pointer` goes before the name of the field.
+/// unless its value is the default. `pointer` is put before the name of the field.
 Check CheckFieldsAreUsed(const RenderRequest& request, ImageForm form,
                          const FieldTable<RenderRequest>& table, const std::string& pointer);
 

@@ -1,4 +1,4 @@
-// JSON batches straight into rows: the text is read once and no tree of it is built.
+// Reads JSON batches directly into rows, in one pass and without a document tree.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,8 @@ namespace kdray::api {
 /// Reads `{"rays": [[ox, oy, oz, dx, dy, dz], [ox, oy, oz, dx, dy, dz, t_min, t_max], …]}`. Rows of
 /// 6 get the `t_min` and `t_max` given here; a t_max of null is infinity. invalid_json for anything
 /// else, with the JSON pointer of the row or number; invalid_parameter for a field other than
-/// `rays`; too_many_rays at row `max_rows` + 1. Nesting costs nothing: the first bracket too many
-/// ends the reading.
+/// `rays`; too_many_rays at row `max_rows` + 1. Deep nesting costs nothing: the first bracket too
+/// many is an error.
 Outcome<std::vector<RayRow<double>>> ReadRayRows(std::string_view json, double t_min, double t_max,
                                                  std::uint64_t max_rows);
 

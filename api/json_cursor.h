@@ -1,5 +1,5 @@
-// Where in its text a JSON parser is, and the refusals that say so. Shared by the two readers
-// (api/json_batch.cc, api/json_reader.cc), which feed a SAX parser that does not tell its position.
+// The position of a JSON parser in its text, and errors with that position. Shared by the two
+// readers (api/json_batch.cc, api/json_reader.cc), whose SAX parser does not report its position.
 #pragma once
 
 #include <cstddef>
@@ -14,7 +14,7 @@
 
 namespace kdray::api {
 
-/// An input iterator over a text that leaves its position where the SAX handler can see it.
+/// An input iterator over a text that stores its position for the SAX handler.
 class JsonCursor {
  public:
   using iterator_category = std::input_iterator_tag;
@@ -23,7 +23,7 @@ class JsonCursor {
   using pointer = const char*;
   using reference = const char&;
 
-  /// `seen` is set to one past the last character read; it must outlive the copies of the cursor.
+  /// Sets `*seen` to one past the last character read; it must outlive all copies of the cursor.
   JsonCursor(const char* at, const char** seen) : at_(at), seen_(seen) {}
 
   reference operator*() const { return *at_; }
@@ -43,22 +43,22 @@ class JsonCursor {
   const char** seen_;
 };
 
-/// The 1-based line of the token whose last character was read just before `seen`. Costs a pass
-/// over the text: for refusals and small texts.
+/// The 1-based line of the token whose last character was read just before `seen`. O(text): for
+/// errors and small texts.
 std::uint64_t JsonLine(std::string_view text, const char* seen);
 
 /// invalid_json or invalid_parameter about the token whose last character was read just before
-/// `seen` (a number's next character is read too, which may be the end of its line). `pointer` is
-/// the JSON pointer (RFC 6901).
+/// `seen` (after a number, one more character was read, which may be a line end). `pointer` is the
+/// JSON pointer (RFC 6901).
 Problem JsonProblem(ErrorCode code, std::string_view text, const char* seen, std::string detail,
                     std::optional<std::string> pointer);
 
-/// Call before parsing: nlohmann-json takes a NUL for the end of the text and would not see what
-/// stands behind it.
+/// Call before parsing: nlohmann-json treats a NUL as the end of the text and would ignore the
+/// rest.
 Check RefuseNul(std::string_view text);
 
-/// invalid_json from the parser's own message, which names line and column, but also its own type
-/// and whatever bytes came.
+/// invalid_json from the parser's message: its line and column, without its exception type and the
+/// text's bytes.
 Problem NotJson(std::string_view text, const char* seen, std::string_view parser_message);
 
 }  // namespace kdray::api

@@ -1,4 +1,4 @@
-// JSON pointers (RFC 6901), which say where in a body something is wrong.
+// JSON pointers (RFC 6901), which locate errors in a body.
 #pragma once
 
 #include <cstddef>
@@ -7,7 +7,7 @@
 
 namespace kdray::api {
 
-/// One step with its '/' in front. A key is cut after 60 bytes, for it comes from the client.
+/// One step, preceded by '/'. A key is cut after 60 bytes, because it comes from the client.
 std::string PointerStep(std::string_view key);
 std::string PointerStep(std::size_t index);
 

@@ -1,5 +1,4 @@
-// Small JSON objects, read strictly: requests written by hand or by programs, at most a page long.
-// Batches have their own reader (api/json_batch.h).
+// Reads small JSON objects strictly: requests of at most a page. For batches: api/json_batch.h.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +15,8 @@ namespace kdray::api {
 
 struct JsonNumber {
   double value = 0;
-  /// Set when the text means an integer beyond doubt: written without fraction and exponent, or an
-  /// integral double below 2^53 (1.0, 1e3).
+  /// Set if the text is certainly an integer: written without fraction and exponent, or an integral
+  /// double below 2^53 (1.0, 1e3).
   std::optional<std::int64_t> integer;
 };
 
@@ -27,7 +26,7 @@ struct JsonValue {
   std::variant<std::nullptr_t, bool, JsonNumber, std::string, std::vector<JsonValue>,
                std::vector<JsonMember>>
       value;
-  std::uint64_t line = 1;  ///< where its text ends (for arrays and objects: begins), 1-based
+  std::uint64_t line = 1;  ///< 1-based line where its text ends (for arrays and objects: begins)
 
   /// "null", "a boolean", "a number", "a string", "an array", "an object".
   std::string_view KindName() const;
@@ -43,9 +42,9 @@ struct JsonMember {
 /// Values in one text, keys of objects not counted.
 inline constexpr std::size_t kMaxJsonValues = 4096;
 
-/// invalid_json, with the line and where it helps the JSON pointer: text that is not JSON (RFC
-/// 8259) or more than one value, a text that is not an object, invalid UTF-8, a number beyond the
-/// range of double, a key twice in one object, brackets nested deeper than `max_depth`, more than
+/// Errors: invalid_json, with the line and, where known, the JSON pointer: text that is not JSON
+/// (RFC 8259), more than one value, a value that is not an object, invalid UTF-8, a number beyond
+/// the range of double, a repeated key, brackets nested deeper than `max_depth`, more than
 /// kMaxJsonValues values.
 Outcome<JsonObject> ReadJsonObject(std::string_view text, std::size_t max_depth);
 

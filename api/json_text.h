@@ -1,4 +1,4 @@
-// JSON text written by hand, for answers of millions of numbers.
+// Writes JSON text directly, for answers of millions of numbers.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,8 @@
 
 namespace kdray::api {
 
-/// The shortest text that reads back as the same number; `null` for one that is not finite.
+/// Appends the shortest text that reads back as the same number; `null` for a number that is not
+/// finite.
 void AppendNumber(std::string* out, double value);
 void AppendNumber(std::string* out, float value);
 void AppendInteger(std::string* out, std::int64_t value);

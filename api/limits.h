@@ -1,4 +1,4 @@
-// What this server takes at most. Set from the command line; told by GET /v1 under these names.
+// The limits of this server. Set by the command line; GET /v1 lists them under these names.
 #pragma once
 
 #include <cstdint>
@@ -6,10 +6,10 @@
 namespace kdray::api {
 
 // The same for every server.
-inline constexpr std::int64_t kMaxWholeSide = 1 << 20;  ///< of a whole image, pixels. What one
-                                                        ///< answer renders of it, Limits bound
-inline constexpr std::int64_t kMaxDepth = 255;          ///< of cells; no tree is deeper
-inline constexpr std::int64_t kMaxPage = 1000;          ///< trees
+inline constexpr std::int64_t kMaxWholeSide =
+    1 << 20;  ///< of a whole image, pixels; Limits bounds the part that one answer renders
+inline constexpr std::int64_t kMaxDepth = 255;  ///< of cells; no tree is deeper
+inline constexpr std::int64_t kMaxPage = 1000;  ///< trees
 
 struct Limits {
   std::uint64_t max_upload_bytes = std::uint64_t{1} << 30;  ///< mesh_too_large
@@ -17,7 +17,7 @@ struct Limits {
   std::uint64_t max_pixels = 67'108'864;  ///< image_too_large, together with max_image_side
   std::uint64_t max_image_side = 16'384;
   std::uint64_t max_cells = 100'000;         ///< too_many_cells: lists
-  std::uint64_t max_picture_cells = 16'384;  ///< too_many_cells: what cells_depth draws
+  std::uint64_t max_picture_cells = 16'384;  ///< too_many_cells: cells that cells_depth draws
   std::uint64_t max_samples = 1024;
   std::uint64_t max_deadline_ms = 600'000;
   std::uint64_t max_wait_ms = 60'000;

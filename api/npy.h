@@ -16,7 +16,7 @@ namespace kdray::api {
 /// The first bytes of every .npy file.
 inline constexpr std::string_view kNpyMagic = "\x93NUMPY";
 
-/// An array inside somebody else's bytes.
+/// A view of an array in a body.
 struct NpyArray {
   NumberType type = NumberType::kF4;  ///< little-endian
   bool fortran_order = false;         ///< the first index varies fastest
@@ -24,10 +24,10 @@ struct NpyArray {
   std::string_view data;              ///< exactly the product of `shape` elements; not aligned
 };
 
-/// Reads an array of `<f4` or `<f8`. invalid_array for any other type (the message names the two),
-/// a damaged or unusual header (it is parsed as a dictionary with exactly the keys descr,
-/// fortran_order and shape, nothing is evaluated), more than 33 dimensions, and a size that differs
-/// from the bytes that are there. Allocates nothing but the shape, whatever the header claims.
+/// Reads an array of `<f4` or `<f8`. invalid_array for another type (the message names the two), an
+/// invalid header (it must be a dictionary with exactly the keys descr, fortran_order and shape;
+/// nothing is evaluated), more than 33 dimensions, or a size that differs from the number of bytes.
+/// Allocates only the shape, whatever the header claims.
 Outcome<NpyArray> ReadNpy(std::string_view bytes);
 
 /// Everything before the elements, version 1.0, padded so that they start at a multiple of 64

@@ -1,5 +1,5 @@
-// The contract as /openapi.json serves it: api/openapi.yaml turned into JSON by the build, examples
-// included.
+// The contract as served at /openapi.json: api/openapi.yaml, converted to JSON by the build, with
+// its examples.
 #pragma once
 
 #include <string_view>

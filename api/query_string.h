@@ -1,4 +1,4 @@
-// The query of a request target into names and values.
+// Splits the query of a request target into names and values.
 #pragma once
 
 #include <string>
@@ -14,9 +14,8 @@ struct Parameter {
 };
 
 /// Splits `a=1&b=2` and decodes the percent signs (RFC 3986). '+' is a plus sign, not a space as in
-/// forms: numbers are written with it (1e+5). Empty pieces are skipped; a piece without '=' has an
-/// empty value. invalid_parameter for a '%' without two hexadecimal digits and for a name that
-/// comes twice.
+/// forms, because numbers contain it (1e+5). Empty pieces are skipped; a piece without '=' has an
+/// empty value. invalid_parameter for a '%' without two hexadecimal digits and for a repeated name.
 Outcome<std::vector<Parameter>> ParseQuery(std::string_view query);
 
 }  // namespace kdray::api

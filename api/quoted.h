@@ -1,4 +1,4 @@
-// A client's own text inside a message.
+// Quotes a client's text in a message.
 #pragma once
 
 #include <string>
@@ -6,8 +6,8 @@
 
 namespace kdray::api {
 
-/// `text` in single quotes, fit for a log line and a JSON document: printable ASCII as it is, other
-/// bytes as `\xNN`, cut after 60 bytes.
+/// `text` in single quotes, valid in a log line and a JSON document: printable ASCII unchanged,
+/// other bytes as `\xNN`, cut after 60 bytes.
 std::string Quoted(std::string_view text);
 
 }  // namespace kdray::api

@@ -1,10 +1,9 @@
-// Queries and small JSON bodies into request structs. `query` is what stands behind the '?' of the
-// request line, as sent (empty when there is none): it is decoded here, strictly
-// (api/query_string.h).
+// Decodes queries and small JSON bodies into request structs. `query` is the text after the '?' of
+// the request line, as sent (empty if absent); it is decoded strictly (api/query_string.h).
 //
-// Every refusal names the parameter and says what there is: invalid_parameter for parameters that
-// are unknown, given twice, of the wrong kind, outside their range, or not in this version. For
-// JSON bodies invalid_json where the text or a value's kind is wrong, with the JSON pointer.
+// Every error names the parameter and what is allowed: invalid_parameter for parameters that are
+// unknown, repeated, of the wrong kind, outside their range, or not in this version. For JSON
+// bodies, invalid_json with the JSON pointer if the text or the kind of a value is wrong.
 #pragma once
 
 #include <optional>
@@ -27,9 +26,9 @@ Outcome<RayOptions> DecodeAnyOptions(std::string_view query, const Limits& limit
 /// For paths that take no parameters.
 Check CheckNoParameters(std::string_view query);
 
-/// GET render.png and render.npy. image_too_large when the image, or the region of it that is asked
-/// for, has more pixels or a longer side than the limits say. invalid_parameter also for a field
-/// that the mode, the projection or the form does not use (api/field_use.h).
+/// GET render.png and render.npy. image_too_large if the image, or the requested region, has more
+/// pixels or a longer side than the limits allow. invalid_parameter also for a field that the mode,
+/// the projection or the form does not use (api/field_use.h).
 Outcome<RenderRequest> DecodeRenderQuery(std::string_view query, ImageForm form,
                                          const Limits& limits);
 /// POST render.png and render.npy: the same fields as a JSON object. Also unsupported_media_type (a
@@ -38,8 +37,8 @@ Outcome<RenderRequest> DecodeRenderBody(std::string_view body, ImageForm form,
                                         std::optional<std::string_view> content_type,
                                         const Limits& limits);
 
-/// One text per request: the same for parameters in any order and for defaults left out or written.
-/// What does not change the answer's bytes (deadline_ms) is not in it. For ETags.
+/// The same text for parameters in any order, with or without defaults. Fields that do not affect
+/// the answer's bytes (deadline_ms) are not included. For ETags.
 std::string CanonicalQuery(const RenderRequest& request);
 std::string CanonicalQuery(const CellsRequest& request);
 

@@ -1,5 +1,5 @@
-// The tables of fields of every request: names, ranges and defaults of the contract.
-// api/openapi.yaml says the same for people; a test compares the two.
+// The tables of fields of every request: names, ranges and defaults of the contract. A test
+// compares them with api/openapi.yaml.
 #pragma once
 
 #include "api/field.h"

@@ -7,7 +7,7 @@
 
 namespace kdray::api {
 
-/// One row for every build with every precision. A rate that is 0 says `below`, its bound at 95%
+/// One row for every build with every precision. A rate of 0 has `below`, its bound at 95%
 /// confidence. UTF-8, no line breaks.
 std::string EncodeTradeoff(const Tradeoff& tradeoff);
 

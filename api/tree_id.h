@@ -17,8 +17,8 @@ struct TreeId {
 
 bool IsSha256(std::string_view text);
 std::string FormatTreeId(std::string_view sha256, Build build);
-/// nullopt for what is no id, and for a build that this version does not know: no such tree can be
-/// here (tree_not_found).
+/// nullopt for an invalid id, and for a build that this version does not have: no such tree can
+/// exist (tree_not_found).
 std::optional<TreeId> ParseTreeId(std::string_view text);
 
 }  // namespace kdray::api

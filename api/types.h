@@ -1,6 +1,6 @@
-// The words of the HTTP contract as plain structs: what a request asks for and what an answer says.
-// Defaults stand here and nowhere else; names and ranges stand in the tables of fields
-// (api/request_fields.h). No JSON, no HTTP, no geometry.
+// The types of the HTTP contract as plain structs: requests and answers. Defaults are defined only
+// here; names and ranges in the tables of fields (api/request_fields.h). No JSON, no HTTP, no
+// geometry.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@
 
 namespace kdray::api {
 
-/// A value, or the refusal to send instead.
+/// A value, or the problem to send instead.
 template <class T>
 class [[nodiscard]] Outcome {
  public:
@@ -37,7 +37,7 @@ class [[nodiscard]] Outcome {
  private:
   std::variant<T, Problem> state_;
 };
-/// For steps that only succeed or refuse.
+/// For steps that only succeed or fail.
 using Check = std::optional<Problem>;
 
 enum class Build : std::uint8_t { kAuto, kKdSah, kKdBinned, kKdCyclic, kKdMedian, kBvh, kBox };
@@ -59,13 +59,14 @@ struct RayRow {
 };
 
 /// A decoded batch of rays. `shape` is the request's leading shape ((N) for JSON); its product is
-/// the number of rows. Numbers are kept in the type they came in, unless a float cannot hold the
-/// options' t_min or t_max that fill rows of 6: then float rows are widened, for the interval must
-/// not move.
+/// the number of rows. Numbers are kept in the type in which they were sent. But if a float cannot
+/// hold the options' t_min or t_max, which complete rows of 6, float rows are widened, because the
+/// interval must not change.
 struct RayTable {
   std::vector<std::size_t> shape;
   std::variant<std::vector<RayRow<float>>, std::vector<RayRow<double>>> rows;
-  std::optional<NumberType> sent_as = {};  ///< the type the numbers came in; none is that of `rows`
+  std::optional<NumberType> sent_as =
+      {};  ///< the type in which the numbers were sent; nullopt: that of `rows`
 
   std::size_t size() const {
     return std::visit([](const auto& r) { return r.size(); }, rows);
@@ -82,11 +83,12 @@ enum class RayField : std::uint8_t { kT, kTriangle, kU, kV, kNormal, kPoint };
 struct RayOptions {
   Precision precision = Precision::kAuto;
   std::vector<RayField> fields = {RayField::kT, RayField::kTriangle, RayField::kU,
-                                  RayField::kV};  ///< in the order asked
+                                  RayField::kV};  ///< in the requested order
   double t_min = 0;                               ///< for rows of 6 columns
-  std::optional<double> t_max;                    ///< for rows of 6 columns; none is infinity
+  std::optional<double> t_max;                    ///< for rows of 6 columns; nullopt: infinity
   std::int64_t deadline_ms = 30000;
-  std::optional<NumberType> dtype;  ///< of the answer's numbers; none is the request's, f8 for JSON
+  std::optional<NumberType>
+      dtype;  ///< of the answer's numbers; nullopt: the request's, f8 for JSON
 };
 
 /// One row of `closest`. A miss has triangle -1 and t infinity; an invalid row has t NaN.
@@ -97,17 +99,17 @@ struct RayHit {
 
 struct ClosestAnswer {
   Precision precision = Precision::kAuto;  ///< the one used, never kAuto
-  std::vector<RayHit> hits;                ///< a row a ray
+  std::vector<RayHit> hits;                ///< one for each ray
   std::vector<std::array<float, 3>>
-      normals;               ///< unit geometric normals, only when asked for; NaN for a miss
-  std::vector<Vec3> points;  ///< origin + t * direction, only when asked for; NaN for a miss
-  std::vector<std::uint64_t> invalid;  ///< row numbers of rays that cannot be, ascending
+      normals;               ///< unit geometric normals, only if requested; NaN for a miss
+  std::vector<Vec3> points;  ///< origin + t * direction, only if requested; NaN for a miss
+  std::vector<std::uint64_t> invalid;  ///< row numbers of invalid rays, ascending
   double trace_ms = 0;                 ///< rays in memory to hits in memory
 };
 
 struct AnyAnswer {
   Precision precision = Precision::kAuto;
-  std::vector<std::uint8_t> occluded;  ///< 0 or 1, a row a ray
+  std::vector<std::uint8_t> occluded;  ///< 0 or 1 for each ray
   std::vector<std::uint64_t> invalid;
   double trace_ms = 0;
 };
@@ -129,7 +131,7 @@ struct MeshDescription {
 };
 
 struct TreeFacts {
-  Build build = Build::kKdSah;  ///< never kAuto: what was built
+  Build build = Build::kKdSah;  ///< the build that was made, never kAuto
   std::uint64_t nodes = 0, leaves = 0, empty_leaves = 0, references = 0;
   std::uint32_t max_depth = 0;
   std::vector<std::uint64_t> leaf_histogram;
@@ -137,31 +139,32 @@ struct TreeFacts {
   double sah_cost = 0, traversal_cost = 0, intersection_cost = 0, parse_ms = 0, build_ms = 0;
 };
 
-/// The answer of POST and GET /v1/trees. While a tree is built, `mesh` holds what is known (sha256
-/// and bytes) and `tree` is absent.
+/// The answer of POST and GET /v1/trees. While a tree is built, `mesh` has only sha256 and bytes,
+/// and `tree` is absent.
 struct TreeDescription {
   std::string id;
   bool ready = false;      ///< `state`: "ready" or "building"
   double progress = 0;     ///< 0..1; 1 when ready
   std::string created_at;  ///< RFC 3339, UTC, milliseconds
   MeshDescription mesh;
-  bool mesh_known = false;  ///< the mesh was parsed: format, counts, bounds and health are there
+  bool mesh_known = false;  ///< the mesh was parsed: format, counts, bounds and health are known
   std::optional<TreeFacts> tree;
-  std::string plan;  ///< for people: what was modelled and why
+  std::string plan;  ///< for people: how the mesh was modelled, and why
 };
 
 /// Query parameters of POST /v1/trees.
 struct UploadRequest {
   Build build = Build::kAuto;
-  std::optional<std::string> mesh;  ///< sha256 of a stored mesh: another build of it, no body
-  std::int64_t wait_ms = 30000;     ///< 0 answers at once
+  std::optional<std::string>
+      mesh;  ///< sha256 of a stored mesh, for another build of it without a body
+  std::int64_t wait_ms = 30000;  ///< 0 answers at once
 };
 
 /// Query parameters of GET /v1/trees.
 struct ListRequest {
-  std::string mesh;          ///< sha256; empty is every mesh
-  std::int64_t limit = 100;  ///< trees a page
-  std::string after;         ///< `next` of the page before; empty is the newest
+  std::string mesh;          ///< sha256; empty: every mesh
+  std::int64_t limit = 100;  ///< trees per page
+  std::string after;         ///< `next` of the previous page; empty: from the newest
 };
 
 /// Query parameters of GET /v1/trees/{id}.
@@ -186,14 +189,14 @@ struct MeasureRequest {
   std::int64_t wait_ms = 30000;  ///< 0 answers at once
 };
 
-/// How many of so many rays went wrong. A zero is answered with its 95% bound, 3 / rays.
+/// The number of wrong rays among `rays`. A zero is answered with its 95% bound, 3 / rays.
 struct ErrorRate {
   std::uint64_t count = 0, rays = 0;
 };
 
-/// What one kind of rays costs.
+/// The cost of one kind of rays.
 struct RayCost {
-  double rays_per_s = 0, slowest = 0, fastest = 0;  ///< the middle run, and the extremes
+  double rays_per_s = 0, slowest = 0, fastest = 0;  ///< the median run, and the extremes
   double nodes_per_ray = 0, triangles_per_ray = 0;
 };
 
@@ -204,14 +207,14 @@ struct TradeoffRow {
   std::uint64_t bytes = 0;
   double sah_cost = 0;
   RayCost random, aimed;
-  std::optional<ErrorRate> leaks;  ///< none where the mesh is not closed
+  std::optional<ErrorRate> leaks;  ///< nullopt if the mesh is not closed
   ErrorRate wrong_triangles, unconnected_triangles, folds, missed_hits, extra_hits, differences;
   std::uint64_t t_error_rays = 0;
-  double t_error_p999 = 0, t_error_max = 0;  ///< scaled as the bound is
-  std::optional<double> t_error_bound;       ///< none is promised for `fast`
+  double t_error_p999 = 0, t_error_max = 0;  ///< scaled like the bound
+  std::optional<double> t_error_bound;       ///< nullopt for `fast`
 };
 
-/// The answer of POST and GET /v1/trees/{id}/tradeoff. While it is measured, `progress` alone.
+/// The answer of POST and GET /v1/trees/{id}/tradeoff. While measuring, only `progress`.
 struct Tradeoff {
   bool ready = false;
   double progress = 0;      ///< 0..1
@@ -236,31 +239,31 @@ struct Region {
   std::int64_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;  ///< half-open pixels of the whole image
 };
 
-/// Fields of render.png and render.npy. What is left out of the camera is chosen so that the mesh
-/// is framed.
+/// Fields of render.png and render.npy. Missing camera values are chosen so that the whole mesh is
+/// visible.
 struct RenderRequest {
   std::int64_t width = 640, height = 480;
   Projection projection = Projection::kPerspective;
   std::optional<Vec3> eye, target;
-  std::optional<Vec3> up;  ///< left out: 0,1,0, unless the view is along it
+  std::optional<Vec3> up;  ///< nullopt: 0,1,0, unless the view is along it
   double fov_deg = 40;
   std::optional<double> view_height;
   RenderMode mode = RenderMode::kShaded;
   std::int64_t samples = 1;
   Precision precision = Precision::kAuto;
   Vec3 color = {0.93, 0.88, 0.81};  ///< of the surface, sRGB 0..1
-  std::optional<Vec3> background;   ///< sRGB 0..1; see `transparent`. Left out: DefaultBackground
+  std::optional<Vec3> background;   ///< sRGB 0..1; see `transparent`. nullopt: DefaultBackground
   bool transparent = false;         ///< background=transparent
   std::optional<std::int64_t> cells_depth;
   std::optional<Region> region;
   std::uint64_t seed = 0;
   std::optional<std::int64_t> budget_ms;  ///< the best image within this time
-  std::optional<double> max_noise;        ///< a pixel stops below it; standard error, linear light
+  std::optional<double> max_noise;        ///< a pixel stops below it (standard error, linear light)
   std::int64_t max_samples = 1024;        ///< per pixel, with budget_ms or max_noise
   std::int64_t deadline_ms = 60000;
 };
 
-/// White behind a shaded mesh, black behind numbers.
+/// White for a shaded mesh, black for other modes.
 constexpr Vec3 DefaultBackground(RenderMode mode) {
   return mode == RenderMode::kShaded ? Vec3{1, 1, 1} : Vec3{0, 0, 0};
 }
@@ -272,14 +275,14 @@ struct ImageArray {
   std::variant<std::vector<float>, std::vector<std::int32_t>> values;
 };
 
-/// Why no more samples were taken: all are (`done`), every pixel is below max_noise, or the time of
-/// budget_ms was over.
+/// Why sampling ended: all samples were taken (`done`), every pixel is below max_noise (`noise`),
+/// or the time of budget_ms has passed (`budget`).
 enum class Stopped : std::uint8_t { kDone, kNoise, kBudget };
 
 struct RenderAnswer {
   Precision precision = Precision::kAuto;
-  double samples = 1;           ///< a pixel, in the mean
-  std::optional<double> noise;  ///< largest standard error of a pixel, where it was estimated
+  double samples = 1;           ///< per pixel, on average
+  std::optional<double> noise;  ///< largest standard error of a pixel, if estimated
   Stopped stopped = Stopped::kDone;
   std::variant<std::vector<std::byte>, ImageArray> image;  ///< PNG bytes, or the array for .npy
   double trace_ms = 0, encode_ms = 0;

@@ -1,5 +1,5 @@
-# Settings that every target of ours shares. They go on the targets, not into global flags, so that nothing leaks into
-# what a consumer compiles.
+# Settings of all our targets. They are set on targets, not as global flags, so they do not affect what
+# a consumer compiles.
 
 set(CMAKE_RUNTIME_OUTPUT_DIRECTORY "${CMAKE_BINARY_DIR}/bin")
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
@@ -11,10 +11,10 @@ function(kdray_settings target)
   target_compile_features(${target} PUBLIC cxx_std_20)
   set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
   target_include_directories(${target} PUBLIC "${PROJECT_SOURCE_DIR}")
-  # -ffp-contract=off: a fused multiply-add would change answers between machines, which are the same bytes everywhere.
-  # No -ffast-math, for the same reason. -fno-tree-slp-vectorize: with it g++ 12 takes two neighbouring conversions from
-  # double to float and back for nothing and drops them, so that Vec3d(Vec3f(p)) is p (tests/unit/core/vec3_test.cc shows
-  # it).
+  # -ffp-contract=off: a fused multiply-add would make answers differ between machines.
+  # No -ffast-math, for the same reason. -fno-tree-slp-vectorize: otherwise g++ 12 drops two
+  # neighbouring conversions from double to float and back, so Vec3d(Vec3f(p)) would be p
+  # (tests/unit/core/vec3_test.cc).
   target_compile_options(${target} PRIVATE
     -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wcast-align -Wunused
     -Wdouble-promotion -Wimplicit-fallthrough
@@ -25,12 +25,12 @@ function(kdray_settings target)
   if(KDRAY_SANITIZE)
     target_compile_options(${target} PRIVATE -fsanitize=${KDRAY_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
     target_link_options(${target} PUBLIC -fsanitize=${KDRAY_SANITIZE})
-    # g++ 12 loses sight of what std::optional and Result hold once checks are between: false alarms.
+    # g++ 12 loses track of the content of std::optional and Result across checks: false positives.
     target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   endif()
 endfunction()
 
-# kdray_layer(NAME DIR): static library from every .cc below the calling folder, but for main.cc files.
+# kdray_layer(NAME DIR): static library from every .cc below the calling folder, except main.cc files.
 function(kdray_layer target)
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/*.cc" "${CMAKE_CURRENT_SOURCE_DIR}/*.h")
   list(FILTER sources EXCLUDE REGEX "main\\.cc$")

@@ -3,7 +3,7 @@
 
 const TOKEN_KEY = 'kdray-token';
 
-/** The server's problem+json, or what stands in for it when there is none. */
+/** The server's problem+json, or a substitute for an answer without one. */
 export class ApiError extends Error {
   constructor(status, problem, requestId) {
     super(problem.detail || problem.title || `HTTP ${status}`);
@@ -15,7 +15,7 @@ export class ApiError extends Error {
   }
 }
 
-/** No answer at all. */
+/** There was no answer. */
 export class ConnectionError extends Error {
   constructor() {
     super('The server cannot be reached, or closed the connection.');
@@ -24,7 +24,7 @@ export class ConnectionError extends Error {
 }
 
 export class Api {
-  /** `askForToken` gives a token, asked of the user; it is called on 401. */
+  /** `askForToken` asks the user for a token; it is called on 401. */
   constructor(askForToken) {
     this.base = new URL('.', document.baseURI);
     this.askForToken = askForToken;
@@ -42,7 +42,7 @@ export class Api {
     return this.token ? { Authorization: `Bearer ${this.token}` } : {};
   }
 
-  /** Asks again with a new token when there was none or a wrong one. */
+  /** Repeats the request with a new token if the token was missing or invalid. */
   async fetch(path, { query, ...options } = {}) {
     for (;;) {
       const sent = this.token;
@@ -62,7 +62,7 @@ export class Api {
     }
   }
 
-  /** One question for all requests that were refused at the same time. */
+  /** One dialog for all requests that got 401 at the same time. */
   async renewToken(refused) {
     if (this.token !== refused) return;
     this.asking ??= this.askForToken().finally(() => (this.asking = null));
@@ -108,7 +108,7 @@ export class Api {
     });
   }
 
-  /** POST of a file. XMLHttpRequest, because fetch tells nothing of how much was sent. */
+  /** POST of a file. XMLHttpRequest, because fetch does not report the progress of an upload. */
   async upload(file, build, onProgress) {
     for (;;) {
       const sent = this.token;

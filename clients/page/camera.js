@@ -1,5 +1,5 @@
-// A camera that circles a target: what the mouse moves and what a render request says.
-// Right-handed, pictures have row 0 at the top, as in the service's contract.
+// A camera that circles a target: moved by the mouse, sent in render requests. Right-handed,
+// pictures have row 0 at the top, as in the service's contract.
 import { add, cross, dot, length, normalize, scale, sub } from './vector.js';
 
 const RADIANS = Math.PI / 180;
@@ -21,13 +21,13 @@ export class OrbitCamera {
     this.frame([-1, -1, -1], [1, 1, 1]);
   }
 
-  /** The mesh's box: what zooming and the orthographic eye are measured by. */
+  /** The mesh's box, which scales zooming and places the orthographic eye. */
   measure(min, max) {
     this.center = scale(add(min, max), 0.5);
     this.radius = length(sub(max, min)) / 2 || 1;
   }
 
-  /** Looks at the whole box from slightly above and aside, as near as it fits. */
+  /** Shows the whole box from slightly above and from the side, as near as it fits. */
   frame(min, max, aspect = 1) {
     this.measure(min, max);
     this.target = this.center;
@@ -55,7 +55,7 @@ export class OrbitCamera {
     return FRAMES[this.upAxis].up;
   }
 
-  /** Height of what is seen at the target, in mesh units. */
+  /** Height of the view at the target, in mesh units. */
   get viewHeight() {
     return 2 * this.distance * Math.tan((this.fovDeg / 2) * RADIANS);
   }
@@ -90,7 +90,7 @@ export class OrbitCamera {
     this.target = add(this.target, scale(shift, this.viewHeight));
   }
 
-  /** Below 1 nearer, above 1 farther. */
+  /** Multiplies the distance by `factor`. */
   zoom(factor) {
     const distance = this.distance * factor;
     this.distance = Math.max(this.radius * 1e-4, Math.min(this.radius * 1e3, distance));
@@ -140,7 +140,7 @@ export class OrbitCamera {
     return parameters;
   }
 
-  /** Takes parameters() back, of which all but eye and target may be missing. False if unusable. */
+  /** Reads parameters(); only eye and target are required. False if they are invalid. */
   restore(parameters) {
     const eye = parseVector(parameters.eye);
     const target = parseVector(parameters.target);
@@ -168,7 +168,7 @@ export class OrbitCamera {
   }
 }
 
-/** Ten digits: a mesh in far-away coordinates still turns smoothly, and URLs stay readable. */
+/** Ten digits: a mesh far from the origin still turns smoothly, and URLs stay readable. */
 export const numberText = (number) => String(Number(number.toPrecision(10)));
 export const vectorText = (vector) => vector.map(numberText).join(',');
 

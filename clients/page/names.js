@@ -1,5 +1,5 @@
-// The service knows meshes by their digest. The names of files that were uploaded from this browser
-// are kept here, in the browser.
+// The service identifies meshes by their hash. The names of files uploaded from this browser are
+// kept here, in the browser.
 
 const KEY = 'kdray-names';
 const KEEP = 200;

@@ -1,5 +1,5 @@
-// Keeps the canvas showing what was last asked for. One request is in flight at most: small pictures
-// while things move, then the full size, then the same with several rays a pixel.
+// Keeps the canvas up to date. At most one request is in flight: small pictures while things move,
+// then the full size, then the same with several rays a pixel.
 import { serverTiming } from './api.js';
 
 const STILL_AFTER_MS = 140;
@@ -37,7 +37,7 @@ export class Picture {
     return this.canvas.clientWidth / Math.max(1, this.canvas.clientHeight);
   }
 
-  /** Shows `scene` from now on: {id, camera, query}, or null for nothing. */
+  /** Shows `scene`: {id, camera, query}, or null for nothing. */
   show(scene, { moving = false } = {}) {
     if (this.scene?.id !== scene?.id) this.clear();
     this.scene = scene && { ...scene, camera: scene.camera.clone() };
@@ -66,7 +66,7 @@ export class Picture {
     if (this.scene) this.show(this.scene, { moving: true });
   }
 
-  /** Pixels of a request at that part of the full size. */
+  /** Size in pixels of a request at this fraction of the full size. */
   size(part) {
     const { width, height } = this.canvas;
     const fit = Math.min(part, LARGEST_SIDE / Math.max(width, height, 1));
@@ -100,7 +100,7 @@ export class Picture {
       : QUALITY.none;
   }
 
-  /** These modes take one sample a pixel; asking for more is refused. */
+  /** These modes take one sample per pixel; more is an error. */
   isFineUseful() {
     return !['depth', 'triangle'].includes(this.scene.query.mode) &&
       this.shown.totalMs < SLOW_MS;
@@ -148,7 +148,7 @@ export class Picture {
     else this.onError(error);
   }
 
-  /** Larger moving pictures while they come quickly, smaller ones when not. */
+  /** Adapts the size of moving pictures to their speed. */
   steer(tookMs) {
     const factor = Math.sqrt(MOVING_FRAME_MS / Math.max(tookMs, 1));
     const scale = this.movingScale * Math.max(0.7, Math.min(1.15, factor));

@@ -7,12 +7,12 @@ export class TreeList {
     this.api = api;
     this.moreButton = moreButton;
     this.onChoose = onChoose;
-    this.trees = []; // descriptions of all pages that were asked for
-    this.next = null; // cursor behind the last of them
+    this.trees = [];  // descriptions of all loaded pages
+    this.next = null;  // cursor after the last of them
     this.chosenId = null;
   }
 
-  /** Asks for the first page again; further pages that were asked for once stay as they were. */
+  /** Requests the first page again; further pages that were loaded stay as they are. */
   async load() {
     const page = await this.api.trees();
     const fresh = new Set(page.trees.map((tree) => tree.id));

@@ -1,4 +1,4 @@
-// From files to trees: one after the other, each with a card that shows how far it is.
+// Uploads files one after the other, each with a card that shows its progress.
 import { rememberName } from './names.js';
 import { problemMore } from './panels.js';
 import { bytesText, element } from './text.js';
@@ -50,7 +50,7 @@ export class Uploads {
     return tree;
   }
 
-  /** The server's tree of these very bytes, or null. Browsers compute digests on safe pages only. */
+  /** The server's tree of these bytes, or null. Browsers compute hashes only on secure pages. */
   async find(file, build, card) {
     if (!globalThis.crypto?.subtle || file.size > DIGEST_AT_MOST) return null;
     card.show('looking whether the server has it');
@@ -75,7 +75,7 @@ class Card {
     list.append(this.item);
   }
 
-  /** Without `part` the bar only moves to and fro. */
+  /** Without `part` the bar shows activity only. */
   show(words, part) {
     this.words.textContent = words;
     if (part === undefined) this.bar.removeAttribute('value');

@@ -172,7 +172,7 @@ function placeMarker() {
 
 // ---- Links and commands ----
 
-/** The fragment that brings back tree, camera and choices. */
+/** The fragment that restores tree, camera and choices. */
 function link() {
   const parameters = { tree: chosen.id, ...renderQuery(), ...camera.parameters() };
   return new URLSearchParams(parameters).toString().replaceAll('%2C', ',');
@@ -193,7 +193,7 @@ async function openLink() {
   return true;
 }
 
-/** Chooses an option that is there; anything else in a link is passed over. */
+/** Chooses an existing option; other values in a link are ignored. */
 function chooseOption(select, value) {
   if ([...select.options].some((option) => option.value === value)) select.value = value;
 }

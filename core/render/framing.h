@@ -26,7 +26,7 @@ inline constexpr double kDefaultFovDeg = 40;
 /// within the middle kFramedShare of the image. The rules for a missing value:
 ///   up           (0, 1, 0); when the view is along it, -z looking down and +z looking up.
 ///   target       the middle of the box; one step along the default view when the eye is there.
-///   eye          before the target, 30 degrees to the right of the front and 20 degrees up, as near
+///   eye          before the target, 30 degrees right of the front and 20 degrees up, as near
 ///                as the box fits. Up is `up`. The smallest rotation that takes y to `up` takes +z
 ///                to the front (so the front is -y when z is up).
 ///   view_height  the least that shows the box around the axis from eye to target.

@@ -25,7 +25,7 @@ struct BenchMesh {
 BenchMesh LoadBenchMesh(const std::string& name);
 
 /// A sphere of 20 * frequency^2 triangles, displaced by waves of several lengths so that it has
-/// folds and hollows as scans have, about 1 in size. The same on every machine but for the last
+/// folds and hollows as scans have, about 1 in size. The same on every machine except for the last
 /// bits of sin.
 core::MeshData FoldedSphere(int frequency);
 

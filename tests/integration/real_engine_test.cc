@@ -31,7 +31,7 @@ using test::RawAnswer;
 using test::RunningService;
 using testing::HasSubstr;
 
-/// The bytes behind a .npy header.
+/// The bytes after a .npy header.
 std::string NpyData(const std::string& file) {
   const auto length =
       static_cast<unsigned char>(file[8]) + 256U * static_cast<unsigned char>(file[9]);
@@ -170,7 +170,7 @@ TEST_F(RealEngine, RefinesAnImageUntilItsNoiseIsLowOrItsTimeIsOver) {
                     R"({"width":1000,"height":1000,"budget_ms":50,"max_noise":1e-9})");
   EXPECT_EQ(cut.Header("kdray-stopped"), "budget");
   EXPECT_EQ(cut.Header("cache-control"), "no-store");
-  // Longer than the request may take: it ends in time all the same.
+  // Longer than the request may take; it still ends in time.
   const RawAnswer late =
       running_->Ask("GET", path + "&budget_ms=60000&max_noise=1e-9&deadline_ms=500");
   EXPECT_EQ(late.status, 200) << late.body;
@@ -328,7 +328,7 @@ TEST_F(RealEngine, RefusesWrongInputAndGoesOn) {
   }
   // The place of the failure: the line after the last vertex.
   EXPECT_TRUE(Json(running_->Ask("POST", "/v1/trees", ply)).contains("line"));
-  // A row that cannot be does not spoil the batch.
+  // An invalid row does not spoil the batch.
   const RawAnswer mixed =
       running_->Ask("POST", path + "/rays/any",
                     NpyArray(std::vector<float>{0, 0, 5, 0, 0, nan, 0.25F, 0.5F, 5, 0, 0, -1}, 6));

@@ -66,7 +66,7 @@ std::vector<Row> RowsFromNpy(const std::string& file) {
   return rows;
 }
 
-/// From inside a sphere at its vertices, from around it anywhere; one that cannot be.
+/// From inside a sphere at its vertices, from around it anywhere; one invalid ray.
 std::vector<double> RayNumbers(const core::MeshData& data) {
   auto engine = test::RandomEngine(2050);
   std::uniform_real_distribution<double> uniform(-1.5, 1.5);

@@ -210,7 +210,7 @@ TEST(N23, Embree423ASegmentFarFromATriangleDoesNotMeetIt) {
                                        Uniform(engine, -size, size)}));
     };
     const MeshData data = OneTriangle(near(0.01), near(0.01), near(0.01));
-    // In the triangle's plane but for rounding, 10 to 100 of its sizes away, pointing anywhere.
+    // In the triangle's plane except for rounding, 10 to 100 of its sizes away, pointing anywhere.
     const auto [a, b, c] = CornersOf(data, 0);
     const auto in_plane = [&](double size) {
       return a + (b - a) * Uniform(engine, -size, size) + (c - a) * Uniform(engine, -size, size);

@@ -1,6 +1,6 @@
 // N01 to N04, N07, N15: a ray from strictly inside a closed mesh must hit it, wherever it is aimed,
 // whatever the mesh's size and place; and so must one from far away through a point inside. No
-// arithmetic is needed to know the answer. t is held against that of `exact`.
+// arithmetic is needed to know the answer. t is compared with that of `exact`.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -94,7 +94,7 @@ TEST(N03, RaysInClosedMeshesFarFromTheOriginDoNotLeak) {
   meshes.push_back(
       MakeClosedMesh("sphere of 1000 at 1e7", UvSphere({1e7, -1e7, 1e7}, 1000, 48, 96)));
   meshes.push_back(MakeClosedMesh("sphere of 1 at 1e9", UvSphere({1e9, 0, -1e9}, 1, 24, 48)));
-  // Coordinates like those of a map: metres, with millimetres behind the point.
+  // Coordinates like those of a map: metres, with millimetres after the decimal point.
   MeshData map = BumpySphere({448'251.25, 5'411'932.5, 122.75}, 40, 40, 80, 0.3);
   for (Vec3d& v : map.vertices) {
     for (int axis = 0; axis < 3; ++axis) v[axis] = std::round(v[axis] * 1000) / 1000;

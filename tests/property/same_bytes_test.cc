@@ -65,7 +65,7 @@ bool SameBits(const std::vector<Hit>& a, const std::vector<Hit>& b) {
   return true;
 }
 
-/// Random ones, degenerate ones and some that cannot be; float rays, so that both forms hold them.
+/// Random, degenerate and invalid rays; float rays, so both forms represent them.
 std::vector<RayF> MixedRays(const ClosedMesh& mesh, std::size_t each) {
   auto engine = RandomEngine(2000);
   std::vector<Ray> rays = RandomRays(mesh.scene.mesh->bounds(), each, engine);

@@ -42,7 +42,7 @@ struct Tally {
   std::array<std::size_t, kAllPrecisions.size()> different{};  // in hit or miss or triangle
 };
 
-/// `exact` is right in hit, triangle and t, and no precision sees a hit behind its triangle.
+/// `exact` is right in hit, triangle and t, and no precision has a hit beyond its triangle.
 void Check(const MeshData& data, const std::vector<Ray>& rays, Tally* tally) {
   const Scene scene = MakeScene(data, BuildKind::kKdSah);
   const double unit = std::ldexp(1.0, scene.mesh->frame().exponent);

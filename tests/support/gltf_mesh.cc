@@ -43,7 +43,7 @@ std::vector<std::byte> DecodeBase64(const std::string& text) {
                                    reinterpret_cast<const unsigned char*>(text.data()),
                                    static_cast<int>(text.size()));
   if (size < 0) Fail("a buffer is no base64");
-  return bytes;  // with a zero for each '=', behind the buffer's byteLength
+  return bytes;  // with a zero for each '=', after the buffer's byteLength
 }
 
 /// p -> x * p.x + y * p.y + z * p.z + offset.
@@ -194,7 +194,7 @@ class GltfFile {
       Fail("positions are no floats");
     }
     const std::size_t count = accessor.at("count");
-    // Without a view all are zero, but for those that a sparse accessor replaces.
+    // Without a view all are zero, except those that a sparse accessor replaces.
     std::vector<Vec3d> positions =
         accessor.contains("bufferView") ? ReadVectors(accessor, count) : std::vector<Vec3d>(count);
     if (const auto sparse = accessor.find("sparse"); sparse != accessor.end()) {

@@ -51,7 +51,7 @@ class RawClient {
   std::string buffer_;
 };
 
-/// One request over a connection of its own.
+/// One request over a new connection.
 std::optional<RawAnswer> Ask(int port, std::string_view request, bool is_head = false);
 
 /// `METHOD path HTTP/1.1` with Host, the given header lines (each with its CR LF) and, when there

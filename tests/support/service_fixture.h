@@ -33,7 +33,7 @@ class RunningService {
   server::Service& service() { return service_; }
   server::HttpServer& server() { return server_; }
 
-  /// One request on a connection of its own. Fails the test when there is no answer.
+  /// One request on a new connection. Fails the test without an answer.
   RawAnswer Ask(std::string_view method, std::string_view path, std::string_view body = {},
                 std::string_view header_lines = {}) {
     auto answer =

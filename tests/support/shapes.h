@@ -14,7 +14,7 @@ namespace kdray::test {
 /// place forbids it.
 core::MeshData RoundToFloat(core::MeshData mesh);
 
-/// Both meshes, b's vertices and triangles behind a's.
+/// Both meshes, b's vertices and triangles after a's.
 core::MeshData Join(core::MeshData a, const core::MeshData& b);
 
 // Closed 2-manifolds, triangles counter-clockwise seen from outside, `center` strictly inside.

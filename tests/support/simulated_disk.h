@@ -1,5 +1,5 @@
-// A disk in memory that can fail at any operation, fill up, become read-only, and lose what was
-// not synced: what a crash or a power failure leaves behind, without one.
+// A disk in memory that can fail at any operation, fill up, become read-only, and lose what was not
+// synced: the state after a crash or a power failure, without one.
 #pragma once
 
 #include <cstddef>
@@ -41,7 +41,7 @@ class SimulatedDisk final : public core::FileSystem {
   void set_capacity(std::optional<std::uint64_t> bytes);
   void set_read_only(bool read_only);
 
-  // Behind the store's back. Paths as the store names them.
+  // Changes without the store's knowledge. Paths as the store names them.
   std::vector<std::string> FilesIn(const Path& directory) const;
   std::optional<std::vector<std::byte>> Contents(const Path& path) const;
   void SetContents(const Path& path, std::vector<std::byte> contents);

@@ -37,7 +37,7 @@ Tradeoff TradeoffFrom(Json document) {
   return tradeoff;
 }
 
-// Ids come from people: what is not a plain character of one must not become part of a path.
+// Ids come from people, so characters that an id cannot have must not become part of a path.
 std::string TreePath(const std::string& id) {
   if (id.find_first_not_of("0123456789abcdefghijklmnopqrstuvwxyz.-") != std::string::npos)
     throw UsageError("'" + Printable(id) + "' is not a tree id");

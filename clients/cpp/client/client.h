@@ -13,12 +13,12 @@ namespace kdray::client {
 
 using Json = nlohmann::json;
 
-/// What a client decides by, and the server's whole description of the tree behind it.
+/// The fields that clients use, and the server's whole description of the tree.
 struct Tree {
   std::string id;
   bool ready = false;
   double progress = 0;  ///< 0..1 while it is built
-  bool is_new = false;  ///< this call stored or began to build it (201 or 202, not 200)
+  bool is_new = false;  ///< this call stored it or started its build (201 or 202, not 200)
   Json description;
 };
 
@@ -27,22 +27,22 @@ struct TreePage {
   std::optional<std::string> next;
 };
 
-/// An answer's bytes and what its headers say about them.
+/// An answer's bytes and its headers.
 struct Answer {
   std::string body;
   HttpResponse response;  ///< its body has moved to `body`
 };
 
-/// Speed and accuracy as they were measured on a mesh, or how far that is.
+/// Speed and accuracy measured on a mesh, or the progress of the measurement.
 struct Tradeoff {
   bool ready = false;
   double progress = 0;  ///< 0..1
   Json document;        ///< the server's whole answer
 };
 
-/// Calls wait for the answer. All throw Refusal when the server says no, ConnectionError when it
-/// says nothing, and LocalFileError when a file to be sent cannot be read. Not safe from several
-/// threads: give each its own.
+/// Calls wait for the answer. All throw Refusal if the server answers with an error,
+/// ConnectionError if it does not answer, and LocalFileError if a file to send cannot be read. Not
+/// safe from several threads: use one Client per thread.
 class Client {
  public:
   explicit Client(ClientOptions options) : transport_(std::move(options)) {}
@@ -50,20 +50,20 @@ class Client {
   /// GET /v1: version, formats, builds, precisions, limits.
   Json ServiceInfo();
 
-  /// GET /v1/trees/{id}; waits until it is built, `wait_ms` at most.
+  /// GET /v1/trees/{id}; waits at most `wait_ms` until the tree is built.
   Tree GetTree(const std::string& id, int wait_ms = 0);
 
-  /// The same, or nullopt where the server has no such tree.
+  /// The same, or nullopt if the server has no such tree.
   std::optional<Tree> FindTree(const std::string& id);
 
-  /// GET /v1/trees, one page; `after` is `next` of the page before.
+  /// GET /v1/trees, one page; `after` is `next` of the previous page.
   TreePage ListTrees(const std::string& after = {});
 
   /// POST /v1/trees with the file's bytes.
   Tree CreateTree(const LocalFile& mesh, const std::string& build, int wait_ms,
                   const SendProgress& on_sent = {});
 
-  /// POST /v1/trees?mesh=: another build of stored bytes; nullopt where the server has them not.
+  /// POST /v1/trees?mesh=: another build of a stored mesh; nullopt if the server does not have it.
   std::optional<Tree> CreateTreeOfStoredMesh(const std::string& sha256, const std::string& build,
                                              int wait_ms);
 
@@ -72,7 +72,7 @@ class Client {
   /// GET /v1/trees/{id}/mesh, piece by piece.
   void DownloadMesh(const std::string& id, const BodySink& sink);
 
-  /// POST /v1/trees/{id}/rays/{query}; `accept` is the wanted media type.
+  /// POST /v1/trees/{id}/rays/{query}; `accept` is the media type of the answer.
   Answer QueryRays(const std::string& id, const std::string& query, const Parameters& options,
                    const LocalFile& rays, const std::string& accept);
 
@@ -82,14 +82,14 @@ class Client {
   /// GET /v1/trees/{id}/cells.
   Json Cells(const std::string& id, int depth);
 
-  /// POST /v1/trees/{id}/tradeoff: begins to measure, unless that is under way, and waits for the
-  /// end, `wait_ms` at most.
+  /// POST /v1/trees/{id}/tradeoff: starts a measurement, or joins the running one, and waits at
+  /// most `wait_ms` for its end.
   Tradeoff MeasureTradeoff(const std::string& id, int wait_ms);
 
-  /// GET /v1/trees/{id}/tradeoff; nullopt where nothing was measured.
+  /// GET /v1/trees/{id}/tradeoff; nullopt if there is no result.
   std::optional<Tradeoff> FindTradeoff(const std::string& id, int wait_ms = 0);
 
-  /// DELETE /v1/trees/{id}/tradeoff: stops measuring and forgets.
+  /// DELETE /v1/trees/{id}/tradeoff: stops measuring and deletes the result.
   void ForgetTradeoff(const std::string& id);
 
   const ClientOptions& options() const { return transport_.options(); }
@@ -100,7 +100,7 @@ class Client {
   Transport transport_;
 };
 
-/// The id that the service gives to a mesh with that digest.
+/// The tree id of a mesh with this hash.
 std::string TreeIdOf(const std::string& sha256, const std::string& build);
 
 /// An id short enough for a table: twelve digits of the digest, then the build.

@@ -1,5 +1,4 @@
-// What can go wrong in the client library. It throws: a caller with no better idea prints what()
-// and ends, which is what `kdray` does.
+// The exceptions of the client library. `kdray` prints what() and ends.
 #pragma once
 
 #include <stdexcept>
@@ -9,17 +8,17 @@
 
 namespace kdray::client {
 
-/// The caller's own words are wrong: an URL that is none, an id that names nothing or too much.
+/// An invalid argument: an invalid URL, or an id that matches no tree or several.
 struct UsageError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// A file on this machine cannot be read, written, or is not what it should be.
+/// A local file cannot be read or written, or has the wrong format.
 struct LocalFileError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// No connection to the server, or it broke before the answer was complete.
+/// No connection to the server, or the connection broke before the answer was complete.
 struct ConnectionError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };

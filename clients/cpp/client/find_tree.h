@@ -1,4 +1,4 @@
-// From what a person types to one tree.
+// Finds the tree that a user's text names.
 #pragma once
 
 #include <string>
@@ -8,11 +8,11 @@
 namespace kdray::client {
 
 /// Whether `text` can be a tree id or the beginning of one: at least six hex digits of the mesh's
-/// digest (`3f2a9c`), and all or none of the build behind them (`3f2a9c-kd-sah`).
+/// hash (`3f2a9c`), alone or followed by the whole build (`3f2a9c-kd-sah`).
 bool LooksLikeTreeId(std::string_view text);
 
 /// The one tree of the server that `text` names: a whole id, or the beginning of one. Throws
-/// UsageError when no tree or more than one fits. A whole id costs no request.
+/// UsageError if no tree or more than one matches. A whole id costs no request.
 std::string ResolveTreeId(Client& client, const std::string& text);
 
 }  // namespace kdray::client

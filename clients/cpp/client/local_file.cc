@@ -24,7 +24,7 @@ namespace {
 }  // namespace
 
 LocalFile::LocalFile(std::string path) : path_(std::move(path)) {
-  // O_NONBLOCK: opening a named pipe would otherwise wait for a writer before we can refuse it.
+  // O_NONBLOCK: otherwise opening a named pipe would wait for a writer before we can reject it.
   descriptor_ = open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (descriptor_ < 0) Fail(path_, std::strerror(errno));
   struct stat status {};

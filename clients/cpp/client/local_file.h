@@ -1,5 +1,5 @@
-// A file on this machine that is about to be sent: opened once, so that every reader sees the same
-// file even if another takes its name meanwhile.
+// A local file to send. It is opened once, so every reader sees the same file even if it is
+// replaced meanwhile.
 #pragma once
 
 #include <cstdint>
@@ -19,11 +19,11 @@ class LocalFile {
   const std::string& path() const { return path_; }
   std::uint64_t size() const { return size_; }
 
-  /// Fills `out` from `offset`. Throws LocalFileError on a read error and when the file ends
-  /// before (somebody cut it).
+  /// Fills `out` from `offset`. Throws LocalFileError on a read error, or if the file ends earlier
+  /// (it was truncated).
   void Read(std::uint64_t offset, std::span<char> out) const;
 
-  /// SHA-256 of the whole file, 64 lower-case hex digits. Reads it all.
+  /// SHA-256 of the whole file, 64 lower-case hex digits. Reads the whole file.
   std::string Sha256() const;
 
  private:

@@ -12,8 +12,7 @@ namespace {
   throw LocalFileError("not a .npy file: " + why);
 }
 
-// Walks the header's text, a Python dictionary literal with three keys: just as much of Python as
-// NumPy writes there.
+// Parses the header's text, a Python dictionary literal with three keys, as NumPy writes it.
 class HeaderReader {
  public:
   explicit HeaderReader(std::string_view text) : text_(text) {}
@@ -75,7 +74,7 @@ class HeaderReader {
     return word;
   }
 
-  // A structured type: everything up to the bracket that closes it.
+  // A structured type: everything up to its closing bracket.
   std::string List() {
     if (Peek() != '[') Reject("its descr is neither a word nor a list");
     int depth = 0;

@@ -20,11 +20,11 @@ struct NpyHeader {
   std::uint64_t ElementCount() const;
 };
 
-/// The first bytes that tell a .npy file.
+/// The first bytes of every .npy file.
 inline constexpr std::string_view kNpyMagic = "\x93NUMPY";
 
-/// Reads the header at the beginning of `bytes`, which may hold more, or less than the elements.
-/// Throws LocalFileError that says what is wrong.
+/// Reads the header at the beginning of `bytes`; the elements need not be complete. Throws
+/// LocalFileError with the cause.
 NpyHeader ParseNpyHeader(std::string_view bytes);
 
 /// A version 1 header, padded so that the elements begin at a multiple of 64 bytes.

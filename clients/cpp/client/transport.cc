@@ -13,8 +13,8 @@
 namespace kdray::client {
 namespace {
 
-// The client names its own requests: when no answer comes, the name is all there is to look for in
-// the server's log.
+// The client chooses the request ids: if no answer comes, the id finds the request in the server's
+// log.
 std::string NewRequestId() {
   static std::random_device device;
   constexpr char kHex[] = "0123456789abcdef";
@@ -45,7 +45,7 @@ class Callback {
       return true;
     } catch (...) {
       failure_ = std::current_exception();
-      return false;  // makes the library give the exchange up
+      return false;  // makes the library abandon the exchange
     }
   }
 
@@ -82,8 +82,8 @@ std::string HttpResponse::Header(const std::string& lower_case_name) const {
 
 Transport::Transport(ClientOptions options)
     : options_(std::move(options)), connection_(std::make_unique<Connection>()) {
-  // Not httplib::Client: it takes a URL apart with a regular expression that knows no IPv6 address
-  // with letters.
+  // Not httplib::Client, whose regular expression for URLs does not match IPv6 addresses with
+  // letters.
   const ServerUrl& server = options_.server;
   if (server.tls)
     connection_->http = std::make_unique<httplib::SSLClient>(server.host, server.port);
@@ -91,9 +91,9 @@ Transport::Transport(ClientOptions options)
     connection_->http = std::make_unique<httplib::ClientImpl>(server.host, server.port);
   httplib::ClientImpl& http = *connection_->http;
   http.set_keep_alive(true);
-  http.set_tcp_nodelay(true);  // headers and body are two writes
-  http.set_decompress(false);  // answers are not compressed; nothing may come out longer than sent
-  http.set_url_encode(false);  // paths and queries come encoded
+  http.set_tcp_nodelay(true);  // headers and body are separate writes
+  http.set_decompress(false);  // answers are not compressed, so none can expand
+  http.set_url_encode(false);  // paths and queries are encoded already
   http.set_connection_timeout(options_.connect_timeout_s);
   http.set_read_timeout(options_.timeout_s);
   http.set_write_timeout(options_.timeout_s);
@@ -112,7 +112,7 @@ HttpResponse Transport::Send(const HttpRequest& request) {
   const std::string path = options_.server.prefix + request.path + EncodeQuery(request.query);
   httplib::ClientImpl& http = *connection_->http;
   Callback callback;
-  std::string refused_body;  // what an error says is kept even where a sink takes the rest
+  std::string refused_body;  // the body of an error, kept even if a sink gets other bodies
   const auto exchange = [&]() -> httplib::Result {
     if (request.method == "DELETE") return http.Delete(path, headers);
     if (request.method == "POST") {

@@ -1,4 +1,4 @@
-// One HTTP exchange after the other with one server. The only file pair that knows cpp-httplib.
+// HTTP exchanges with one server, one at a time. Only its .cc includes cpp-httplib.
 #pragma once
 
 #include <functional>
@@ -14,16 +14,16 @@ namespace kdray::client {
 
 struct ClientOptions {
   ServerUrl server;
-  std::string token = {};  ///< sent as `Authorization: Bearer` when not empty
+  std::string token = {};  ///< sent as `Authorization: Bearer` if not empty
   int connect_timeout_s = 10;
-  /// Longest silence of the server while an answer is awaited. Above its largest deadline_ms.
+  /// The longest silence of the server before an answer; above its largest deadline_ms.
   int timeout_s = 660;
 };
 
 /// Called while a body is sent, with the bytes sent so far.
 using SendProgress = std::function<void(std::uint64_t sent)>;
 
-/// Takes a successful answer's body piece by piece. May throw; the exchange is then given up.
+/// Takes a successful answer's body piece by piece. May throw; the exchange is then abandoned.
 using BodySink = std::function<void(std::string_view piece)>;
 
 struct HttpRequest {
@@ -41,7 +41,7 @@ struct HttpRequest {
 struct HttpResponse {
   int status = 0;
   std::map<std::string, std::string> headers;  ///< names in lower case
-  std::string body;                            ///< empty where a sink took it
+  std::string body;                            ///< empty if a sink took it
 
   /// The header's value, or "".
   std::string Header(const std::string& lower_case_name) const;
@@ -53,8 +53,8 @@ class Transport {
   explicit Transport(ClientOptions options);
   ~Transport();
 
-  /// Any status is an answer. Throws ConnectionError when none came, LocalFileError when
-  /// request.file could not be read, and what the sink throws.
+  /// Any status is an answer. Throws ConnectionError without an answer, LocalFileError if
+  /// request.file cannot be read, and the sink's exceptions.
   HttpResponse Send(const HttpRequest& request);
 
   const ClientOptions& options() const { return options_; }

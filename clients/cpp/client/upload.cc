@@ -8,11 +8,11 @@
 namespace kdray::client {
 namespace {
 
-constexpr int kFirstWaitMs = 100;  // small meshes are built within it, and no bar flashes by
-constexpr int kPollWaitMs = 200;   // the server answers at once when the tree is ready before
+constexpr int kFirstWaitMs = 100;  // small meshes are built within it, without a flashing bar
+constexpr int kPollWaitMs = 200;   // the server answers earlier if the tree is ready
 
-// The tree if it is known and has not failed. A failed build answers its problem for a while;
-// asking again in earnest tries again and gives the problem of today.
+// The tree if it is known and its build has not failed. A failed build answers its problem for a
+// while; an upload tries again and gives the current problem.
 std::optional<Tree> FindUsable(Client& client, const std::string& id) {
   try {
     return client.FindTree(id);
@@ -22,8 +22,8 @@ std::optional<Tree> FindUsable(Client& client, const std::string& id) {
   }
 }
 
-// A server that refuses an upload early may close before the client has read why; a limit that it
-// tells beforehand can be looked at beforehand.
+// A server that rejects an upload early may close the connection before the client has read the
+// reason. So the limit is checked first.
 void CheckSize(Client& client, const LocalFile& mesh) {
   const Json info = client.ServiceInfo();
   const auto limits = info.find("limits");
@@ -46,7 +46,7 @@ Tree WaitUntilReady(Client& client, Tree tree, const UploadWatcher& watcher) {
     if (watcher.on_build) watcher.on_build(tree.progress);
     const auto asked = std::chrono::steady_clock::now();
     tree = client.GetTree(tree.id, kPollWaitMs);
-    // A server that does not wait must not be asked in a tight loop.
+    // Avoids a tight loop with a server that does not wait.
     if (!tree.ready)
       std::this_thread::sleep_until(asked + std::chrono::milliseconds(kPollWaitMs / 2));
   }

@@ -1,4 +1,4 @@
-// A mesh file becomes a tree on the server, with as little sent as can be.
+// Creates the tree of a mesh file on the server, sending as little as possible.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace kdray::client {
 
-/// Told what goes on; every member may be empty.
+/// Called with the progress; every member may be empty.
 struct UploadWatcher {
   SendProgress on_sent;                           ///< bytes of the file sent so far
   std::function<void(double progress)> on_build;  ///< 0..1
@@ -17,14 +17,14 @@ struct UploadWatcher {
 
 struct UploadResult {
   Tree tree;               ///< ready
-  bool was_ready = false;  ///< the server had this very tree; nothing was sent or built
-  bool was_sent = false;   ///< the mesh bytes went over the wire
+  bool was_ready = false;  ///< the server had this tree; nothing was sent or built
+  bool was_sent = false;   ///< the mesh bytes were sent
 };
 
-/// Asks for the tree by its id (the digest is computed here), then for another build of a mesh that
-/// the server may have, and only then sends the bytes; afterwards waits until the tree is built.
-/// Throws as Client does, with Refusal for a mesh that the server cannot build, and LocalFileError
-/// when the file changed on the way.
+/// Requests the tree by its id (the hash is computed here), then another build of the stored mesh;
+/// sends the bytes only if the server does not have them. Then waits until the tree is built.
+/// Throws as Client does, Refusal for a mesh that the server cannot build, and LocalFileError if
+/// the file changed meanwhile.
 UploadResult UploadMesh(Client& client, const LocalFile& mesh, const std::string& build,
                         const UploadWatcher& watcher);
 

@@ -1,4 +1,4 @@
-// What an answer's headers say, in words.
+// An answer's headers in words.
 #pragma once
 
 #include <string>
@@ -8,11 +8,11 @@
 namespace kdray::client {
 
 /// "watertight precision, traced in 23 ms, 3 invalid rows": from Kdray-Precision, Server-Timing,
-/// Kdray-Invalid, Kdray-Truncated and Kdray-Samples, whichever are there.
+/// Kdray-Invalid, Kdray-Truncated and Kdray-Samples, if present.
 std::string AnswerText(const HttpResponse& response);
 
 /// The duration of one metric of a Server-Timing header: ("queue;dur=0.1, trace;dur=23", "trace")
-/// gives "23"; "" where there is none.
+/// gives "23"; "" if it is absent.
 std::string TimingOf(const std::string& server_timing, const std::string& metric);
 
 }  // namespace kdray::client

@@ -18,7 +18,7 @@ constexpr const char* kFooter =
     "\n"
     "Exit codes: 0 done, 1 the server refused, 2 wrong usage, 3 no connection, 4 a local file.";
 
-// First line `kdray: …`, whatever follows indented below it.
+// The first line is `kdray: …`; further lines are indented.
 int Complain(Console& console, const std::exception& error, int code) {
   console.err << "kdray: " << Printable(error.what()) << "\n";
   return code;
@@ -30,7 +30,7 @@ int RunCommand(std::span<const std::string> arguments, Console console) {
   CLI::App app("Ray queries and renders of meshes, by a kdrayd server.", "kdray");
   app.set_version_flag("--version", "kdray " KDRAY_VERSION);
   app.require_subcommand(1);
-  app.fallthrough();  // general options may stand behind the subcommand too
+  app.fallthrough();  // general options may also follow the subcommand
   app.footer(kFooter);
   Session session(console);
   session.AddOptions(app);

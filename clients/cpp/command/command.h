@@ -11,13 +11,13 @@ namespace kdray::client {
 /// signal.
 enum ExitCode : int {
   kExitOk = 0,
-  kExitRefused = 1,     ///< the server said no; standard error says why
-  kExitUsage = 2,       ///< wrong options, or an id that names no tree or several
-  kExitConnection = 3,  ///< no connection, or it broke
-  kExitLocalFile = 4,   ///< a file here cannot be read or written, or is not what it should be
+  kExitRefused = 1,     ///< the server answered with an error, printed on standard error
+  kExitUsage = 2,       ///< invalid options, or an id that matches no tree or several
+  kExitConnection = 3,  ///< no connection, or the connection broke
+  kExitLocalFile = 4,   ///< a local file cannot be read or written, or has the wrong format
 };
 
-/// Where a command writes: results to `out` (for pipes), talk to `err` (for people).
+/// The streams of a command: results go to `out` (for pipes), remarks to `err` (for people).
 struct Console {
   std::ostream& out;
   std::ostream& err;

@@ -5,7 +5,7 @@
 namespace kdray::client {
 namespace {
 
-// A view of a JSON object that answers every question: with nothing, where nothing is.
+// A view of a JSON object whose missing fields are empty.
 class Fields {
  public:
   explicit Fields(const Json& object) : object_(object) {}
@@ -27,7 +27,7 @@ class Fields {
                                                 : std::string();
   }
 
-  /// "" where it is missing.
+  /// "" if it is missing.
   std::string Bytes(const char* name) const {
     const Json* field = Find(name);
     return field && field->is_number() ? ByteText(field->get<double>()) : std::string();
@@ -63,7 +63,7 @@ class Fields {
   const Json& object_;
 };
 
-// Joins what is not empty: {"a", "", "b"} -> "a, b".
+// Joins the nonempty parts: {"a", "", "b"} -> "a, b".
 std::string Join(const std::vector<std::string>& parts, const char* separator = ", ") {
   std::string text;
   for (const std::string& part : parts) {
@@ -74,12 +74,12 @@ std::string Join(const std::vector<std::string>& parts, const char* separator = 
   return text;
 }
 
-// "12 nodes", or nothing when the number is missing.
+// "12 nodes", or "" if the number is missing.
 std::string With(const std::string& number, const char* unit) {
   return number.empty() ? std::string() : number + " " + unit;
 }
 
-// Like With, and nothing for zero: of a sound mesh the health line stays short.
+// Like With, but "" for zero, so the health line of a sound mesh is short.
 std::string Unless0(const std::string& number, const char* unit) {
   return number == "0" ? std::string() : With(number, unit);
 }

@@ -1,5 +1,5 @@
-// A tree's description, as the server gives it, in words. Fields that are missing are left out, so
-// that an older or newer server still reads well.
+// The server's description of a tree in words. Missing fields are omitted, so descriptions of older
+// and newer servers work too.
 #pragma once
 
 #include <string>

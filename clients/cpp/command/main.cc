@@ -1,4 +1,4 @@
-// Entry of the `kdray` command: the process's own affairs (signals, streams) and nothing else.
+// Entry of the `kdray` command: only signals and streams.
 #include <unistd.h>
 
 #include <csignal>
@@ -10,7 +10,7 @@
 #include "clients/cpp/command/output_file.h"
 
 int main(int argc, char** argv) {
-  // A server that closes while we send must be an error to report, not the end of the process.
+  // If the server closes while we send, report an error instead of ending the process.
   std::signal(SIGPIPE, SIG_IGN);
   kdray::client::RemoveUnfinishedFilesOnSignals();
   const std::vector<std::string> arguments(argv + 1, argv + argc);

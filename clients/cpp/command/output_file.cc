@@ -17,8 +17,8 @@
 namespace kdray::client {
 namespace {
 
-// What the signal handler unlinks: a plain array, since a handler may touch little else. The flag
-// is raised after the name is complete and lowered before it goes.
+// The file that the signal handler unlinks: a plain array, because a handler may access little
+// else. The flag is set after the name is complete and cleared before the name changes.
 char unfinished_path[PATH_MAX];
 volatile std::sig_atomic_t has_unfinished_file = 0;
 
@@ -31,7 +31,7 @@ void SetUnfinished(const std::string& path) {
 
 extern "C" void RemoveAndDie(int signal) {
   if (has_unfinished_file) unlink(unfinished_path);
-  // SA_RESETHAND has put the default action back: the shell then learns that a signal ended us.
+  // SA_RESETHAND has restored the default action, so the shell sees that a signal ended us.
   raise(signal);
 }
 
@@ -43,7 +43,7 @@ void RemoveUnfinishedFilesOnSignals() {
   action.sa_flags = static_cast<int>(SA_RESETHAND) | SA_NODEFER;
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     struct sigaction before {};
-    // A parent that ignores SIGHUP (nohup) means it.
+    // Keeps a parent's choice to ignore SIGHUP (nohup).
     if (sigaction(signal, nullptr, &before) == 0 && before.sa_handler != SIG_IGN)
       sigaction(signal, &action, nullptr);
   }
@@ -97,13 +97,13 @@ void OutputFile::Write(std::string_view bytes) {
 void OutputFile::Commit() {
   if (descriptor_ < 0) return;
   if (!temporary_.empty()) {
-    // mkostemp makes files for the owner alone; a result is a file like any other.
+    // mkostemp creates files for the owner alone; a result gets the usual permissions.
     const mode_t mask = umask(0);
     umask(mask);
     if (fchmod(descriptor_, 0666 & ~mask) != 0) Fail();
   }
   const int descriptor = std::exchange(descriptor_, -1);
-  if (close(descriptor) != 0) Fail();  // where a network file system tells of a full disk
+  if (close(descriptor) != 0) Fail();  // a network file system may report a full disk here
   if (temporary_.empty()) return;
   if (rename(temporary_.c_str(), path_.c_str()) != 0) Fail();
   SetUnfinished({});

@@ -8,11 +8,11 @@
 
 namespace kdray::client {
 
-/// Collects bytes in a temporary file beside `path` and gives it the name when Commit() is called;
-/// without Commit() nothing is left. What is there and no regular file (/dev/null, a pipe) is
-/// written directly. "-" is standard output, which is refused when it is a terminal.
-/// All throw LocalFileError; so does the constructor, so that a file that cannot be written is told
-/// before a long request. One at a time in a process.
+/// Collects bytes in a temporary file beside `path`, which Commit() renames to `path`; without
+/// Commit() no file is left. An existing file that is not regular (/dev/null, a pipe) is written
+/// directly. "-" is standard output, which must not be a terminal. All methods throw
+/// LocalFileError. So does the constructor, so a file that cannot be written is reported before a
+/// long request. One object at a time in a process.
 class OutputFile {
  public:
   OutputFile(std::string path, Console& console);

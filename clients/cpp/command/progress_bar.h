@@ -1,4 +1,4 @@
-// How far an upload or a build has come.
+// Shows the progress of an upload or a build.
 #pragma once
 
 #include <chrono>
@@ -9,21 +9,20 @@
 
 namespace kdray::client {
 
-/// On a terminal one line that is redrawn and erased at the end; elsewhere a line every ten
-/// percent, so that a log stays short. Nothing is shown for what ends within a third of a second on
-/// a terminal.
+/// On a terminal, one line that is redrawn, and erased at the end; it does not appear for work that
+/// ends within a third of a second. Elsewhere a line every ten percent, so a log stays short.
 class ProgressBar {
  public:
-  /// @param label what is done: "uploading"; @param total_bytes 0 when progress is not in bytes.
+  /// @param label the activity: "uploading"; @param total_bytes 0 if progress is not in bytes.
   ProgressBar(Console& console, std::string label, std::uint64_t total_bytes, bool quiet);
   ~ProgressBar() { Finish(); }
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
 
-  /// `fraction` in [0, 1]; what lies outside is cut to it.
+  /// `fraction` is clamped to [0, 1].
   void Update(double fraction);
 
-  /// Takes the line off the terminal. Later calls do nothing.
+  /// Erases the line. Later calls have no effect.
   void Finish();
 
  private:

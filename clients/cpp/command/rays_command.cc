@@ -22,8 +22,8 @@ struct Options {
   std::array<std::string, kOptionNames.size()> values;
 };
 
-// Looks at the file before it travels: whoever mixed up two arrays learns it here, with the name of
-// the file. JSON is left to the server, which says the line.
+// Checks the file before it is sent, so an error (two arrays mixed up) names the file. The server
+// checks JSON and reports the line.
 std::string DescribeRays(const LocalFile& rays) {
   std::string head(std::min<std::uint64_t>(rays.size(), 4096), '\0');
   rays.Read(0, head);

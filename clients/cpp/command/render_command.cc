@@ -15,8 +15,8 @@ struct Field {
   const char* description;
 };
 
-// Every field that the daemon's renders have (tests/clients/contract_test.py compares the two).
-// Values go to the server as they are: it knows the ranges and says which were allowed.
+// Every field of the daemon's renders (tests/clients/contract_test.py compares the two). Values are
+// sent unchanged; the server checks their ranges.
 constexpr std::array kFields = {
     Field{"width", "PIXELS", "640 when left out"},
     Field{"height", "PIXELS", "480 when left out"},

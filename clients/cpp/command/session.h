@@ -1,4 +1,4 @@
-// What every subcommand shares: which server, with what token, and where words go.
+// Common to all subcommands: the server, the token, and the output of remarks.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -17,19 +17,19 @@ class Session {
   /// --server, --token, --timeout, --quiet.
   void AddOptions(CLI::App& app);
 
-  /// A client for the chosen server. Throws UsageError when its address is none.
+  /// A client for the chosen server. Throws UsageError if its address is invalid.
   Client Connect() const;
 
-  /// Uploads with progress on standard error, and one line about the tree when it is new.
+  /// Uploads with progress on standard error, and prints one line about a new tree.
   UploadResult Upload(Client& client, const std::string& path, const std::string& build);
 
-  /// The tree that an argument `ID|FILE` means: a file that exists here is uploaded first (build
-  /// `auto`), everything else is an id or the beginning of one.
+  /// The tree that an argument `ID|FILE` names. An existing file is uploaded first (build `auto`);
+  /// any other text is an id or the beginning of one.
   std::string TreeIdFor(Client& client, const std::string& id_or_file);
 
   bool quiet() const { return quiet_; }
 
-  /// A line for people; nothing under --quiet.
+  /// Prints a line for people, unless --quiet is set.
   void Say(const std::string& line);
 
   Console& console() { return console_; }

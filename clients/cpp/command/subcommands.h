@@ -1,5 +1,5 @@
-// The subcommands. Each function adds its own to `app`; what it does happens while CLI11 parses.
-// `session` must live as long as `app`.
+// The subcommands. Each function adds one to `app`; it runs while CLI11 parses. `session` must live
+// as long as `app`.
 #pragma once
 
 #include <CLI/CLI.hpp>

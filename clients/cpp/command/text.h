@@ -1,4 +1,4 @@
-// Numbers as people read them.
+// Formats numbers for people.
 #pragma once
 
 #include <cstdint>
@@ -14,11 +14,11 @@ std::string CountText(std::uint64_t count);
 /// 3033195 -> "2.9 MiB".
 std::string ByteText(double bytes);
 
-/// Up to `digits` significant digits, without zeros behind: 0.15555 -> "0.1556".
+/// Up to `digits` significant digits, without trailing zeros: 0.15555 -> "0.1556".
 std::string NumberText(double number, int digits = 4);
 
-/// Columns as wide as their widest cell, two blanks between them. `alignment` has a letter a
-/// column: 'l' or 'r'. Every row has as many cells as the first.
+/// Columns as wide as their widest cell, separated by two blanks. `alignment` has one letter per
+/// column: 'l' or 'r'. All rows have the same number of cells.
 std::string Table(const std::vector<std::vector<std::string>>& rows, std::string_view alignment);
 
 }  // namespace kdray::client

@@ -15,7 +15,7 @@ struct Options {
   bool json = false;
 };
 
-// How long one request waits: often enough for a bar that moves.
+// Wait of one request, short enough for a moving bar.
 constexpr int kLookAgainMs = 500;
 
 Tradeoff Measure(Client& client, const std::string& id, bool again, Session& session) {

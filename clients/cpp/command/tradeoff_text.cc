@@ -23,7 +23,7 @@ std::string Count(const Json& value) {
   return value.is_number_unsigned() ? CountText(value.get<std::uint64_t>()) : std::string();
 }
 
-/// "0.0013", or "< 5e-05" for a zero with its bound; "-" where there is none.
+/// "0.0013", or "< 5e-05" for a zero with its bound; "-" if it is absent.
 std::string Rate(const Json& rate) {
   if (!rate.is_object()) return "-";
   const std::string bound = Number(At(rate, "below"));

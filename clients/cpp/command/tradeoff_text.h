@@ -1,4 +1,4 @@
-// What was measured on a mesh, as a table for people.
+// A mesh's measured trade-off as a table for people.
 #pragma once
 
 #include <string>
@@ -7,8 +7,8 @@
 
 namespace kdray::client {
 
-/// A row for every build with every precision, and a line about the conditions. What the answer
-/// lacks is left blank.
+/// A row for every build with every precision, and a line about the conditions. Missing values are
+/// blank.
 std::string TradeoffText(const Json& tradeoff);
 
 }  // namespace kdray::client

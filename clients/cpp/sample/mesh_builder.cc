@@ -3,8 +3,8 @@
 namespace kdray::client {
 
 std::uint32_t MeshBuilder::IndexOf(const Point& point) {
-  // Adding zero turns -0 into +0: a mirrored half would otherwise not meet its twin in the file's
-  // bytes.
+  // Adding zero turns -0 into +0; otherwise a mirrored half would have different vertices on the
+  // mirror plane.
   const Point key = {point[0] + 0.0, point[1] + 0.0, point[2] + 0.0};
   const auto [entry, is_new] =
       index_.try_emplace(key, static_cast<std::uint32_t>(mesh_.vertices.size()));
@@ -14,8 +14,7 @@ std::uint32_t MeshBuilder::IndexOf(const Point& point) {
 
 void MeshBuilder::AddTriangle(const Point& a, const Point& b, const Point& c) {
   if (a == b || b == c || c == a) return;
-  // One after the other: the order in which a braced list of calls fills the table is part of the
-  // file.
+  // Separate statements, because the order of these calls determines the file.
   const std::uint32_t ia = IndexOf(a);
   const std::uint32_t ib = IndexOf(b);
   const std::uint32_t ic = IndexOf(c);

@@ -1,5 +1,5 @@
-// Collects triangles and joins corners at the same place, so that neighbouring patches share their
-// vertices and a closed shape is closed in the file too.
+// Collects triangles and joins corners at equal positions, so neighbouring patches share vertices
+// and a closed shape is closed in the file.
 #pragma once
 
 #include <map>
@@ -11,10 +11,10 @@ namespace kdray::client {
 class MeshBuilder {
  public:
   /// Adds a triangle; corners at exactly equal positions become one vertex. A triangle with two
-  /// equal corners (a patch that runs into a pole) is left out.
+  /// equal corners (at a pole of a patch) is skipped.
   void AddTriangle(const Point& a, const Point& b, const Point& c);
 
-  /// A quadrilateral a b c d in order around its rim, cut along the diagonal a c.
+  /// Adds a quadrilateral with corners a b c d in order, split along the diagonal a c.
   void AddQuad(const Point& a, const Point& b, const Point& c, const Point& d);
 
   SampleMesh Take() && { return std::move(mesh_); }

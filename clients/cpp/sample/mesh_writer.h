@@ -1,4 +1,4 @@
-// Sample meshes as bytes of the mesh formats that the service reads.
+// Encodes sample meshes in the mesh formats of the service.
 #pragma once
 
 #include <optional>
@@ -11,8 +11,7 @@ namespace kdray::client {
 
 enum class MeshFormat { kObj, kPly, kStl };
 
-/// The format that a file name's ending asks for (.obj, .ply, .stl, in any case); nullopt
-/// otherwise.
+/// The format of a file name's ending (.obj, .ply, .stl, in any case); nullopt for others.
 std::optional<MeshFormat> MeshFormatOf(std::string_view file_name);
 
 /// OBJ as text, PLY and STL binary little-endian. Coordinates are written as 32-bit floats (OBJ:

@@ -1,6 +1,5 @@
-// Meshes to try the service with, made from formulas: no file has to be fetched for a first
-// picture. The y axis points up, as in the service's default camera; every closed shape faces
-// outwards.
+// Sample meshes from formulas, so no file must be fetched for a first picture. The y axis points
+// up, as in the service's default camera; closed shapes face outwards.
 #pragma once
 
 #include <array>
@@ -19,23 +18,23 @@ struct SampleMesh {
   std::vector<Face> triangles;
 };
 
-/// How fine a sample is. `detail` is the number of pieces along one edge of the shape's own grid.
+/// The resolution of a sample. `detail` is the number of pieces along one edge of the shape's grid.
 struct SampleOptions {
-  int detail = 0;          ///< 1..kMaxSampleDetail; 0 takes the shape's own default
+  int detail = 0;          ///< 1..kMaxSampleDetail; 0 is the shape's default
   std::uint32_t seed = 1;  ///< of the terrain; the other shapes ignore it
 };
 
 inline constexpr int kMaxSampleDetail = 2048;
 
-/// One row for each shape: what `kdray sample NAME` offers.
+/// One row for each shape of `kdray sample NAME`.
 struct SampleShape {
   std::string_view name;
   std::string_view description;
   int default_detail;
-  SampleMesh (*make)(const SampleOptions& options);  ///< options.detail already filled in
+  SampleMesh (*make)(const SampleOptions& options);  ///< options.detail must not be 0
 };
 
-/// All shapes, in the order in which help shows them.
+/// All shapes, in the order of the help.
 const std::vector<SampleShape>& SampleShapes();
 
 /// The shape of that name, or nullptr.

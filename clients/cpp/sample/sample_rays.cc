@@ -7,7 +7,7 @@ namespace kdray::client {
 
 std::vector<float> RaysTowardsBox(const Box& box, std::uint64_t count, std::uint64_t seed) {
   std::mt19937_64 engine(seed);
-  // Not uniform_real_distribution: its sequence is the library's own affair.
+  // Not uniform_real_distribution, whose sequence depends on the library.
   const auto uniform = [&] { return static_cast<double>(engine() >> 11) * 0x1p-53; };
 
   Point center;
@@ -16,12 +16,12 @@ std::vector<float> RaysTowardsBox(const Box& box, std::uint64_t count, std::uint
     center[axis] = box.min[axis] / 2 + box.max[axis] / 2;
     radius = std::hypot(radius, box.max[axis] - box.min[axis]);
   }
-  if (radius == 0) radius = 1;  // a single point is still something to aim at
+  if (radius == 0) radius = 1;  // for a box that is a point
 
   std::vector<float> rows;
   rows.reserve(6 * count);
   for (std::uint64_t i = 0; i < count; ++i) {
-    // A direction evenly from the unit ball's inside, then onto its surface.
+    // A direction uniform on the sphere: a point uniform in the unit ball, normalised.
     Point direction;
     double square;
     do {

@@ -14,8 +14,8 @@ Point Normalized(const Point& p) {
   return {p[0] / length, p[1] / length, p[2] / length};
 }
 
-// A number in [0, 1) for a lattice point: integer arithmetic only, so that it is the same
-// everywhere. The constants are those of the finaliser of MurmurHash3 (Austin Appleby).
+// A number in [0, 1) for a lattice point: integer arithmetic only, so it is the same on every
+// machine. The constants are those of the finaliser of MurmurHash3 (Austin Appleby).
 double LatticeValue(std::uint32_t x, std::uint32_t z, std::uint32_t seed) {
   std::uint32_t h = seed * 0x9e3779b9u + x * 0x85ebca6bu + z * 0xc2b2ae35u;
   h ^= h >> 16;

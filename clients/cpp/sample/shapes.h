@@ -1,4 +1,4 @@
-// The samples that are a formula each. The teapot, which is a table, has its own file.
+// The samples that are formulas. The teapot, which is a table, has its own file.
 #pragma once
 
 #include "clients/cpp/sample/sample_mesh.h"

@@ -27,7 +27,7 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr float kNaNf = std::numeric_limits<float>::quiet_NaN();
 const Limits kLimits;
 
-/// Rows: a hit, a miss, a row that cannot be.
+/// Rows: a hit, a miss, an invalid row.
 ClosestAnswer Answer() {
   ClosestAnswer answer;
   answer.hits = {{0.1, 0.25, 1.0 / 3, 7}, {kInfinity, 0, 0, -1}, {kNaN, 0, 0, -1}};

@@ -168,7 +168,7 @@ TEST(Npy, RefusesEveryPrefixOfAFile) {
   for (const int version : {1, 2}) {
     const std::string file = NpyFile(kTwoByThree, Bytes(Counted<float>(6)), version);
     for (std::size_t size = 0; size < file.size(); ++size) {
-      // A copy of its own, so that a sanitizer sees any read behind the end.
+      // A separate copy, so a sanitizer detects any read after the end.
       const std::vector<char> prefix(file.begin(),
                                      file.begin() + static_cast<std::ptrdiff_t>(size));
       const Outcome<NpyArray> array = ReadNpy({prefix.data(), prefix.size()});

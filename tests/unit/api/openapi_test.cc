@@ -1,6 +1,5 @@
-// openapi.yaml is what clients are written from, the tables are what requests are read with: here
-// the two are held against each other, and the examples against the code that writes and reads
-// their like.
+// openapi.yaml is what clients are written from, the tables are what requests are read with: this
+// compares the two, and the examples with the code that writes and reads them.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -136,7 +135,7 @@ void ExpectRange(const json& schema, double min, double max, bool open_min, bool
               open_max, name);
 }
 
-/// The schema among `oneOf` that is no word, after the word was found.
+/// The schema among `oneOf` that is not the word; checks that the word is there.
 const json& WithoutWord(const json& schema, std::string_view word, std::string_view name) {
   if (word.empty()) return schema;
   EXPECT_EQ(Resolve(schema.at("oneOf").at(1))["enum"], json::array({word})) << name;

@@ -309,7 +309,7 @@ std::string AsJson(const FieldKind& kind, const std::string& text) {
 // ---- Fields that belong to a projection, a mode or a form ----
 
 struct Belonging {
-  std::string_view field, text, default_text;               ///< default: empty where there is none
+  std::string_view field, text, default_text;               ///< default: empty without one
   std::vector<std::string_view> projections, modes, forms;  ///< empty: all
 };
 

@@ -32,7 +32,7 @@ TEST(Npy, ReadsBackTheHeaderThatItWrites) {
 TEST(Npy, WritesRowsAsNumPyWould) {
   const float values[] = {1.0f, -2.0f};
   const std::string bytes = EncodeNpyRows(values, 2);
-  // numpy.save of numpy.array([[1, -2]], 'f4') but for the comma that NumPy leaves out.
+  // numpy.save of numpy.array([[1, -2]], 'f4') except for the comma that NumPy omits.
   EXPECT_THAT(bytes, HasSubstr("{'descr': '<f4', 'fortran_order': False, 'shape': (1,2,), }"));
   EXPECT_EQ(bytes.substr(bytes.size() - 8), "\0\0\x80\x3f\0\0\0\xc0"s);
 }

@@ -109,7 +109,7 @@ TEST(BvhValidate, RefusesWhateverATraversalCouldNotWalk) {
   EXPECT_TRUE(
       refuses([](Bvh& b) { b.nodes[1].bounds.max.y = std::numeric_limits<float>::infinity(); }));
   EXPECT_TRUE(refuses([](Bvh& b) {
-    // A chain of interior nodes, each with a leaf behind: deeper than the stack.
+    // A chain of interior nodes, each followed by a leaf: deeper than the stack.
     b.nodes.assign(2 * Bvh::kMaxDepth + 3, b.nodes.back());
     for (BvhNode& node : b.nodes) node.offset = 0;
     for (std::uint32_t i = 0; i <= Bvh::kMaxDepth; ++i) {

@@ -31,7 +31,7 @@ struct LongFile {
   std::string before;  ///< the file is this,
   std::string piece;   ///< this over and over,
   std::string after;   ///< and this
-  /// Of the bytes asked for: what takes many times the time of a blank is shorter.
+  /// Fraction of the requested bytes: text that is much slower than blanks is shorter.
   std::size_t part = 1;
 
   std::string Make(std::size_t bytes) const { return before + Repeat(piece, bytes / part) + after; }
@@ -47,7 +47,7 @@ std::vector<LongFile> LongFiles(std::size_t bytes) {
   const std::string facet =
       "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
       "endfacet\n";
-  // A list as long as its bytes, the last of which is no vertex.
+  // A list as long as its bytes, whose last entry is not a vertex.
   const auto items = static_cast<std::uint32_t>(bytes / 8 + 1);
   const std::string binary = "ply\nformat binary_little_endian 1.0\n" + ply +
                              std::string(36, '\0') + Raw<std::uint32_t>(items);

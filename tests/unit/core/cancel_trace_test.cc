@@ -160,7 +160,7 @@ TEST(CancelledTrace, EndsWithinAFullLeafInEveryEngineAndPrecision) {
   // All in one leaf, all hit by every ray.
   const Scene scene = test::MakeScene(test::Coincident(1 << 20), BuildKind::kBox);
   std::vector<Ray> rays = Beam(scene, 64);
-  // For "any" nothing is in the way: every triangle is behind the end of the ray.
+  // For "any" every triangle is beyond the end of the ray.
   std::vector<Ray> short_rays = rays;
   for (Ray& ray : short_rays) ray.t_max = 0.99;
   for (const Precision precision : core::kAllPrecisions) {

@@ -150,7 +150,7 @@ std::vector<TreeCell> RandomCells(int count) {
   return cells;
 }
 
-// A camera within the cells, so that many lines pass beside and behind it.
+// A camera within the cells, with many lines beside and behind it.
 Camera InsideView(int width, int height) {
   return *ResolveCamera(
       {.eye = Vec3d{0.1, 0.2, 0.3}, .target = Vec3d{0.5, -0.2, -0.7}, .fov_deg = 80.0},

@@ -1,4 +1,4 @@
-// The measure that pictures are compared with, held against what its paper says of it.
+// The measure that compares pictures, checked against its paper's statements.
 #include "tests/support/flip.h"
 
 #include <gtest/gtest.h>

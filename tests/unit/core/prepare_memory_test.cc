@@ -1,4 +1,4 @@
-// What a mesh file is expected to take in memory, held against what it takes.
+// Compares the expected memory of a mesh file with its real peak.
 #include <gtest/gtest.h>
 
 #include <cstddef>

@@ -21,7 +21,7 @@ std::optional<float> Parse(const std::string& word) {
 }
 
 // The definition, by the C library: a number with an exponent is printed with as many digits, one
-// without with as many places behind the point.
+// without with as many places after the point.
 bool IsPrintedFloat(const std::string& word) {
   const float nearest = std::strtof(word.c_str(), nullptr);
   char printed[400];
