@@ -10,16 +10,16 @@
 
 #include "api/errors.h"
 #include "api/types.h"
+#include "core/accel/build_kind.h"
+#include "core/accel/tree_cell.h"
 #include "core/base/result.h"
+#include "core/catalog/records.h"
+#include "core/catalog/tree_id.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/ray.h"
+#include "core/intersect/precision.h"
 #include "core/library/tree_library.h"
 #include "core/render/renderer.h"
-#include "core/scene/tree_id.h"
-#include "core/store/tradeoff_file.h"
-#include "core/trace/precision.h"
-#include "core/tree/build_kind.h"
-#include "core/tree/tree_cell.h"
 
 namespace kdray::server {
 

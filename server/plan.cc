@@ -2,9 +2,9 @@
 
 #include <charconv>
 
+#include "core/accel/build_kind.h"
 #include "core/geometry/power_of_two.h"
-#include "core/trace/precision.h"
-#include "core/tree/build_kind.h"
+#include "core/intersect/precision.h"
 
 namespace kdray::server {
 namespace {

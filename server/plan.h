@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "core/store/catalog.h"
+#include "core/catalog/records.h"
 
 namespace kdray::server {
 

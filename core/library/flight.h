@@ -5,10 +5,10 @@
 #include <optional>
 
 #include "core/base/result.h"
+#include "core/catalog/tree_id.h"
+#include "core/library/memory_budget.h"
 #include "core/library/scene_source.h"
 #include "core/library/tree_library.h"
-#include "core/scene/memory_budget.h"
-#include "core/scene/tree_id.h"
 
 namespace kdray::core {
 

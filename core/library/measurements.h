@@ -13,7 +13,7 @@
 #include "core/base/hash.h"
 #include "core/base/progress.h"
 #include "core/base/result.h"
-#include "core/store/tradeoff_file.h"
+#include "core/catalog/records.h"
 
 namespace kdray::core {
 

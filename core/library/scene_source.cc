@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/scene/mesh_memory.h"
+#include "core/library/parse_mesh.h"
 
 namespace kdray::core {
 

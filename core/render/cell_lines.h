@@ -6,13 +6,13 @@
 #include <span>
 #include <vector>
 
+#include "core/accel/tree_cell.h"
 #include "core/base/cancel_poll.h"
 #include "core/base/result.h"
 #include "core/geometry/hit.h"
 #include "core/render/camera.h"
 #include "core/render/color.h"
 #include "core/render/film.h"
-#include "core/tree/tree_cell.h"
 
 namespace kdray::core {
 

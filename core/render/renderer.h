@@ -12,12 +12,12 @@
 #include "core/base/progress.h"
 #include "core/base/result.h"
 #include "core/geometry/bounds3.h"
+#include "core/intersect/precision.h"
 #include "core/render/camera.h"
 #include "core/render/color.h"
 #include "core/render/film.h"
 #include "core/render/framing.h"
 #include "core/scene/scene.h"
-#include "core/trace/precision.h"
 
 namespace kdray::core {
 

@@ -4,10 +4,10 @@
 #include <memory>
 #include <vector>
 
+#include "core/accel/tree.h"
+#include "core/accel/tree_cell.h"
 #include "core/base/result.h"
 #include "core/geometry/triangle_mesh.h"
-#include "core/scene/tree.h"
-#include "core/tree/tree_cell.h"
 
 namespace kdray::core {
 

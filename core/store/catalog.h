@@ -4,25 +4,14 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <optional>
 #include <vector>
 
 #include "core/base/result.h"
-#include "core/scene/prepared_mesh.h"
-#include "core/scene/tree_id.h"
+#include "core/catalog/records.h"
+#include "core/catalog/tree_id.h"
 #include "core/store/blob_store.h"
 
 namespace kdray::core {
-
-/// What is known about a tree without its mesh and structure in memory: enough to describe it.
-struct TreeRecord {
-  TreeId id;
-  std::int64_t created_ms = 0;    ///< since 1970, UTC
-  std::uint64_t mesh_bytes = 0;   ///< size of the mesh file
-  std::optional<MeshFacts> mesh;  ///< once it was parsed
-  std::optional<TreeFacts> tree;  ///< once it was built; without it a build is due
-  friend bool operator==(const TreeRecord&, const TreeRecord&) = default;
-};
 
 /// Safe from many threads at once; not for two calls about one id at the same time.
 class Catalog {

@@ -1,7 +1,7 @@
 // How the facts about meshes and trees stand in stored files.
 #pragma once
 
-#include "core/scene/prepared_mesh.h"
+#include "core/catalog/facts.h"
 #include "core/store/checked_file.h"
 
 namespace kdray::core {

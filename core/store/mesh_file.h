@@ -6,7 +6,7 @@
 
 #include "core/base/hash.h"
 #include "core/base/result.h"
-#include "core/scene/prepared_mesh.h"
+#include "core/catalog/parsed_mesh.h"
 #include "core/store/blob_store.h"
 
 namespace kdray::core {

@@ -25,10 +25,10 @@
 #include <string_view>
 #include <vector>
 
+#include "core/accel/tree.h"
 #include "core/base/hash.h"
 #include "core/base/result.h"
-#include "core/scene/prepared_mesh.h"
-#include "core/scene/tree.h"
+#include "core/catalog/parsed_mesh.h"
 #include "core/store/blob_store.h"
 #include "core/store/catalog.h"
 #include "core/store/disk_usage.h"

@@ -6,16 +6,10 @@
 
 #include "core/base/hash.h"
 #include "core/base/result.h"
+#include "core/catalog/records.h"
 #include "core/store/blob_store.h"
-#include "core/tradeoff/tradeoff.h"
 
 namespace kdray::core {
-
-struct MeasuredTradeoff {
-  std::int64_t measured_ms = 0;  ///< when it ended; since 1970, UTC
-  Tradeoff tradeoff;
-  friend bool operator==(const MeasuredTradeoff&, const MeasuredTradeoff&) = default;
-};
 
 /// Some hundred bytes for each build and precision.
 inline constexpr std::uint64_t kTradeoffFileBytes = 8192;

@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <memory>
 
+#include "core/accel/tree.h"
 #include "core/base/hash.h"
 #include "core/base/result.h"
-#include "core/scene/tree.h"
 #include "core/store/blob_store.h"
 
 namespace kdray::core {

@@ -6,8 +6,7 @@
 #include <vector>
 
 #include "core/geometry/local_ray.h"
-#include "core/trace/exact_test.h"
-#include "core/trace/query.h"
+#include "core/intersect/closest_search.h"
 
 namespace kdray::core {
 namespace {
@@ -22,22 +21,6 @@ struct EveryTriangle {
   }
 };
 
-template <class Test>
-Hit Closest(const TriangleMesh& mesh, const Ray& given) {
-  const std::optional<LocalRay> local = Test::MakeRay(given, mesh.frame());
-  if (!local) return Hit{};
-  std::vector<PrimitiveId> ids;
-  for (PrimitiveId id = 0; id < mesh.triangle_count(); ++id) {
-    if (!mesh.IsDegenerate(id)) ids.push_back(id);
-  }
-  return mesh.VisitVertices([&]<class Stored>(std::span<const Vec3<Stored>> vertices) {
-    CancelPoll never{CancelToken()};
-    return FindClosest<Test>(EveryTriangle{ids},
-                             Corners<typename Test::Number, Stored>(vertices, mesh.triangles()),
-                             *local, NoCost{}, &never);
-  });
-}
-
 }  // namespace
 
 Hit BruteForceClosest(const TriangleMesh& mesh, const Ray& ray, Precision precision) {
@@ -46,17 +29,17 @@ Hit BruteForceClosest(const TriangleMesh& mesh, const Ray& ray, Precision precis
     invalid.t = std::numeric_limits<double>::quiet_NaN();
     return invalid;
   }
-  switch (precision) {
-    case Precision::kFast:
-      return Closest<FastTest>(mesh, ray);
-    case Precision::kWatertight:
-      return Closest<WatertightTest<float>>(mesh, ray);
-    case Precision::kDouble:
-      return Closest<WatertightTest<double>>(mesh, ray);
-    case Precision::kExact:
-      return Closest<ExactTest>(mesh, ray);
+  std::vector<PrimitiveId> ids;
+  for (PrimitiveId id = 0; id < mesh.triangle_count(); ++id) {
+    if (!mesh.IsDegenerate(id)) ids.push_back(id);
   }
-  return Hit{};
+  return VisitIntersection(
+      mesh, precision, [&]<class Test>(const auto& corners, IntersectionTag<Test>) {
+        const std::optional<LocalRay> local = Test::MakeRay(ray, mesh.frame());
+        CancelPoll never{CancelToken()};
+        return local ? FindClosest<Test>(EveryTriangle{ids}, corners, *local, NoCost{}, &never)
+                     : Hit{};
+      });
 }
 
 bool BruteForceAny(const TriangleMesh& mesh, const Ray& ray, Precision precision) {

@@ -6,7 +6,7 @@
 #include "core/geometry/hit.h"
 #include "core/geometry/ray.h"
 #include "core/geometry/triangle_mesh.h"
-#include "core/trace/precision.h"
+#include "core/intersect/precision.h"
 
 namespace kdray::core {
 

@@ -8,8 +8,8 @@
 
 #include "core/base/polled_sort.h"
 #include "core/geometry/local_ray.h"
-#include "core/trace/exact_test.h"
-#include "core/trace/query.h"
+#include "core/intersect/closest_search.h"
+#include "core/intersect/exact_intersection.h"
 #include "core/trace/ray_chunks.h"
 
 namespace kdray::core {

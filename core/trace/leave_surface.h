@@ -4,7 +4,7 @@
 #include "core/geometry/hit.h"
 #include "core/geometry/triangle_mesh.h"
 #include "core/geometry/vec3.h"
-#include "core/trace/precision.h"
+#include "core/intersect/precision.h"
 
 namespace kdray::core {
 

@@ -6,12 +6,11 @@
 #include <vector>
 
 #include "core/base/parallel.h"
-#include "core/trace/engine/choice.h"
-#include "core/trace/engine/engine.h"
-#include "core/trace/engine/judge.h"
-#include "core/trace/engine/ray_order.h"
-#include "core/trace/exact_test.h"
-#include "core/trace/query.h"
+#include "core/intersect/closest_search.h"
+#include "core/kernel/kernel.h"
+#include "core/kernel/kernel_choice.h"
+#include "core/kernel/ray_order.h"
+#include "core/kernel/scalar_search.h"
 #include "core/trace/ray_chunks.h"
 
 namespace kdray::core {
@@ -20,34 +19,12 @@ namespace {
 // A block is what one thread takes at a time.
 constexpr std::size_t kBlockRays = 4096;
 
-/// Calls f(corners, test tag) for the mesh's stored number type and the precision.
-template <class Test>
-struct TestTag {
-  using Type = Test;
+// Counts the work of one ray.
+struct CountCost {
+  TraceCost* cost;
+  void CountNode() { ++cost->nodes_visited; }
+  void CountTriangles(std::size_t n) { cost->triangles_tested += static_cast<std::uint32_t>(n); }
 };
-
-template <class F>
-void Dispatch(const TriangleMesh& mesh, Precision precision, const F& f) {
-  mesh.VisitVertices([&]<class Stored>(std::span<const Vec3<Stored>> vertices) {
-    const auto with = [&]<class Test>(TestTag<Test> tag) {
-      f(Corners<typename Test::Number, Stored>(vertices, mesh.triangles()), tag);
-    };
-    switch (precision) {
-      case Precision::kFast:
-        with(TestTag<FastTest>());
-        return;
-      case Precision::kWatertight:
-        with(TestTag<WatertightTest<float>>());
-        return;
-      case Precision::kDouble:
-        with(TestTag<WatertightTest<double>>());
-        return;
-      case Precision::kExact:
-        with(TestTag<ExactTest>());
-        return;
-    }
-  });
-}
 
 Hit InvalidRow() {
   Hit hit;
@@ -67,7 +44,7 @@ Status TraceByEngine(const Scene& scene, const RayBatch& rays, const TraceOption
   job.rays = rays;
   job.cancel = options.cancel;
   job.stopped = &stopped;
-  ChooseEngines(options, &job);
+  ChooseEngines({options.engine, options.simd, options.sort}, &job);
   if (job.sort) {
     ParallelFor(0, rays.size(), kSortedRays, [&](std::size_t first, std::size_t last) {
       if (stopped.load(std::memory_order_relaxed)) return;
@@ -120,17 +97,15 @@ Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& option
     hits[i] =
         local ? FindClosest<Test>(structure, corners, *local, CountCost{&costs[i]}, poll) : Hit{};
   };
-  Status status;
-  Dispatch(*scene.mesh, options.precision, [&](const auto& corners, auto tag) {
-    std::visit(
+  return VisitIntersection(*scene.mesh, options.precision, [&](const auto& corners, auto tag) {
+    return std::visit(
         [&](const auto& structure) {
-          status = ForEachRow(rays.size(), options.cancel, [&](std::size_t i, CancelPoll* poll) {
+          return ForEachRow(rays.size(), options.cancel, [&](std::size_t i, CancelPoll* poll) {
             trace(structure, corners, tag, i, poll);
           });
         },
         **binary);
   });
-  return status;
 }
 
 Hit ClosestHit(const Scene& scene, const Ray& ray, Precision precision) {

@@ -1,6 +1,6 @@
 // The batch interface of ray queries: the one way in for server, renderer, tests and benchmarks.
 // Engines are chosen behind it; each only culls, and one leaf test per precision
-// (core/trace/leaf_test.h) decides.
+// (core/intersect/triangle_intersection.h) decides.
 #pragma once
 
 #include <cstddef>
@@ -12,10 +12,10 @@
 #include "core/base/result.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/ray.h"
+#include "core/intersect/precision.h"
+#include "core/kernel/kernel_kind.h"
+#include "core/kernel/simd_level.h"
 #include "core/scene/scene.h"
-#include "core/trace/engine/kind.h"
-#include "core/trace/engine/simd_level.h"
-#include "core/trace/precision.h"
 
 namespace kdray::core {
 

@@ -9,12 +9,12 @@
 #include <optional>
 #include <vector>
 
+#include "core/accel/build_kind.h"
 #include "core/base/cancel.h"
 #include "core/base/progress.h"
 #include "core/base/result.h"
 #include "core/geometry/triangle_mesh.h"
-#include "core/trace/precision.h"
-#include "core/tree/build_kind.h"
+#include "core/intersect/precision.h"
 
 namespace kdray::core {
 

@@ -15,9 +15,9 @@
 #include <thread>
 #include <vector>
 
+#include "core/library/memory_budget.h"
+#include "core/library/tree_cache.h"
 #include "core/library/tree_library.h"
-#include "core/scene/memory_budget.h"
-#include "core/scene/tree_cache.h"
 #include "core/store/disk_usage.h"
 #include "tests/support/mesh_files.h"
 #include "tests/support/temporary_folder.h"

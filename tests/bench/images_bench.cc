@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "core/base/parallel.h"
+#include "core/library/parse_mesh.h"
 #include "core/render/renderer.h"
-#include "core/scene/prepared_mesh.h"
 #include "tests/support/flip.h"
 #include "tests/support/mesh_files.h"
 

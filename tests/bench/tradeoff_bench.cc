@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "core/base/parallel.h"
-#include "core/scene/prepared_mesh.h"
+#include "core/library/parse_mesh.h"
 #include "core/tradeoff/tradeoff.h"
 #include "tests/support/mesh_files.h"
 

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/trace/precision.h"
+#include "core/intersect/precision.h"
 #include "tests/property/closed_meshes.h"
 
 namespace kdray::test {

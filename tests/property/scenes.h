@@ -10,8 +10,8 @@
 
 #include "core/geometry/ray.h"
 #include "core/geometry/triangle_mesh.h"
+#include "core/intersect/precision.h"
 #include "core/scene/scene.h"
-#include "core/trace/precision.h"
 #include "core/trace/trace.h"
 
 namespace kdray::test {

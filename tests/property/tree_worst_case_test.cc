@@ -7,8 +7,8 @@
 #include <chrono>
 #include <string>
 
+#include "core/accel/tree.h"
 #include "core/base/parallel.h"
-#include "core/scene/tree.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/shapes.h"
 

@@ -1,4 +1,4 @@
-#include "core/bvh/bvh_builder.h"
+#include "core/accel/bvh/bvh_builder.h"
 
 #include <gtest/gtest.h>
 

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/accel/tree.h"
 #include "core/base/polled_sort.h"
 #include "core/geometry/mesh_health.h"
 #include "core/geometry/triangle_mesh.h"
@@ -20,7 +21,6 @@
 #include "core/render/picture.h"
 #include "core/render/renderer.h"
 #include "core/scene/scene.h"
-#include "core/scene/tree.h"
 #include "tests/support/cancel_probe.h"
 #include "tests/support/scenes.h"
 #include "tests/support/shapes.h"

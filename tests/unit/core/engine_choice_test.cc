@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "core/trace/engine/choice.h"
+#include "core/kernel/kernel_choice.h"
 #include "tests/support/scenes.h"
 #include "tests/support/shapes.h"
 
@@ -22,9 +22,7 @@ class EngineChoice : public testing::Test {
     job.rays = std::span<const RayF>(rays);
     occluded_.resize(rays.size());
     if (any) job.occluded = occluded_.data();
-    TraceOptions options;
-    options.precision = precision;
-    ChooseEngines(options, &job);
+    ChooseEngines({}, &job);
     return job;
   }
 

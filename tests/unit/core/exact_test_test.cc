@@ -1,5 +1,3 @@
-#include "core/trace/exact_test.h"
-
 #include <gmpxx.h>
 #include <gtest/gtest.h>
 
@@ -14,6 +12,7 @@
 #include "core/geometry/double_double.h"
 #include "core/geometry/dyadic.h"
 #include "core/geometry/local_ray.h"
+#include "core/intersect/exact_intersection.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/rationals.h"
 

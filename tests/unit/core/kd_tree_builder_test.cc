@@ -1,4 +1,4 @@
-#include "core/kdtree/kd_tree_builder.h"
+#include "core/accel/kdtree/kd_tree_builder.h"
 
 #include <gtest/gtest.h>
 
@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
+#include "core/accel/kdtree/kd_build_task.h"
+#include "core/accel/kdtree/kd_tree_stats.h"
+#include "core/accel/kdtree/split.h"
 #include "core/base/parallel.h"
 #include "core/geometry/local_ray.h"
-#include "core/kdtree/kd_build_task.h"
-#include "core/kdtree/kd_tree_stats.h"
-#include "core/kdtree/split.h"
 #include "tests/support/shapes.h"
 #include "tests/unit/core/tree_checks.h"
 

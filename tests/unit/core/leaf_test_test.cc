@@ -1,5 +1,3 @@
-#include "core/trace/leaf_test.h"
-
 #include <gtest/gtest.h>
 
 #include <array>
@@ -9,6 +7,7 @@
 #include <vector>
 
 #include "core/geometry/local_ray.h"
+#include "core/intersect/triangle_intersection.h"
 
 namespace kdray::core {
 namespace {

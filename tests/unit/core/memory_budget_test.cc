@@ -1,5 +1,5 @@
 // Who gets memory, who waits for it, and how long.
-#include "core/scene/memory_budget.h"
+#include "core/library/memory_budget.h"
 
 #include <gtest/gtest.h>
 

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/scene/mesh_memory.h"
+#include "core/library/parse_mesh.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/mesh_files.h"
 #include "tests/support/obj_text.h"

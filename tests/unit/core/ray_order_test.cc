@@ -1,4 +1,4 @@
-#include "core/trace/engine/ray_order.h"
+#include "core/kernel/ray_order.h"
 
 #include <gtest/gtest.h>
 

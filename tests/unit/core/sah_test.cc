@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include "core/kdtree/split.h"
-#include "core/tree/sah_cost.h"
+#include "core/accel/kdtree/split.h"
+#include "core/accel/sah_cost.h"
 
 namespace kdray::test {
 namespace {

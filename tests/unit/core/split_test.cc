@@ -1,5 +1,5 @@
 // Candidates for cuts: each finder against counting anew for every plane.
-#include "core/kdtree/split.h"
+#include "core/accel/kdtree/split.h"
 
 #include <gtest/gtest.h>
 
@@ -9,13 +9,13 @@
 #include <random>
 #include <vector>
 
+#include "core/accel/kdtree/binned_split.h"
+#include "core/accel/kdtree/event_sort.h"
+#include "core/accel/kdtree/note_split.h"
+#include "core/accel/kdtree/partition.h"
+#include "core/accel/kdtree/sweep_split.h"
+#include "core/accel/primitive_ref.h"
 #include "core/base/parallel.h"
-#include "core/kdtree/binned_split.h"
-#include "core/kdtree/event_sort.h"
-#include "core/kdtree/note_split.h"
-#include "core/kdtree/partition.h"
-#include "core/kdtree/sweep_split.h"
-#include "core/tree/reference.h"
 #include "tests/support/seed.h"
 #include "tests/support/shapes.h"
 

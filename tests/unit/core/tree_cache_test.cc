@@ -1,4 +1,4 @@
-#include "core/scene/tree_cache.h"
+#include "core/library/tree_cache.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "core/scene/memory_budget.h"
+#include "core/library/memory_budget.h"
 #include "tests/support/mesh_files.h"
 #include "tests/support/seed.h"
 #include "tests/support/shapes.h"

@@ -1,10 +1,10 @@
 // Checks of finished trees against the mesh, by walking them in the plainest way.
 #pragma once
 
-#include "core/box/box_list.h"
-#include "core/bvh/bvh.h"
+#include "core/accel/box/box_list.h"
+#include "core/accel/bvh/bvh.h"
+#include "core/accel/kdtree/kd_tree.h"
 #include "core/geometry/triangle_mesh.h"
-#include "core/kdtree/kd_tree.h"
 
 namespace kdray::test {
 

@@ -1,5 +1,5 @@
 // Every build on every kind of mesh: the structure holds what its traversal relies on.
-#include "core/scene/tree.h"
+#include "core/accel/tree.h"
 
 #include <gtest/gtest.h>
 

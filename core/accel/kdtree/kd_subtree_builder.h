@@ -1,0 +1,56 @@
+// Builds one subtree of a kd-tree on one thread.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/accel/kdtree/binned_split.h"
+#include "core/accel/kdtree/kd_build_task.h"
+#include "core/accel/kdtree/kd_piece.h"
+#include "core/accel/kdtree/note_split.h"
+#include "core/accel/kdtree/partition.h"
+#include "core/accel/kdtree/sweep_builder.h"
+
+namespace kdray::core {
+
+/// Keeps scratch memory between subtrees: at most the budget of the largest, in references. One
+/// thread at a time.
+class KdSubtreeBuilder {
+ public:
+  explicit KdSubtreeBuilder(const KdBuildContext& context)
+      : context_(context),
+        sweep_(context),
+        note_(context.mesh, context.cost, context.monitor.cancel()) {}
+
+  KdPiece Build(std::span<const Reference> references, const KdBuildTask& task);
+
+  /// What is known of a node's references; it holds as well after empty space was cut off the cell.
+  struct NodeFacts {
+    Bounds3f bounds;                     ///< the union of theirs
+    std::optional<BinnedCounts> counts;  ///< made when it is first needed
+  };
+
+  /// Where the rule cuts a node with these references; nothing when it should be a leaf. The budget
+  /// is the caller's to check.
+  std::optional<SplitCandidate> FindSplit(std::span<const Reference> references,
+                                          const KdBuildTask& task, NodeFacts* facts);
+
+ private:
+  // The node's references are the uppermost `count` on the stack; they are gone afterwards.
+  void BuildNode(std::size_t count, const KdBuildTask& task);
+  void BuildNode(std::size_t count, const KdBuildTask& task, NodeFacts* facts);
+  void EmitLeaf(std::span<const Reference> references, const Bounds3f& bounds,
+                const KdBuildTask& task);
+
+  const KdBuildContext& context_;
+  SweepBuilder sweep_;
+  NoteSplitFinder note_;
+  std::vector<Reference> stack_;  // as large as it ever was; stack_size_ of it in use
+  std::size_t stack_size_ = 0;
+  std::vector<Reference> below_, cut_;  // only while a node is split
+  KdPiece piece_;
+};
+
+}  // namespace kdray::core

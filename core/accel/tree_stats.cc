@@ -1,0 +1,23 @@
+#include "core/accel/tree_stats.h"
+
+#include <algorithm>
+
+namespace kdray::core {
+namespace {
+
+// The fullest leaf with an entry of its own; the entry after it counts all larger ones.
+constexpr std::size_t kHistogramLeaf = 64;
+
+}  // namespace
+
+void CountLeaf(std::size_t triangles, std::uint32_t depth, TreeStats* stats) {
+  ++stats->leaves;
+  if (triangles == 0) ++stats->empty_leaves;
+  stats->references += triangles;
+  stats->max_depth = std::max(stats->max_depth, depth);
+  const std::size_t entry = std::min(triangles, kHistogramLeaf + 1);
+  if (stats->leaf_histogram.size() <= entry) stats->leaf_histogram.resize(entry + 1);
+  ++stats->leaf_histogram[entry];
+}
+
+}  // namespace kdray::core

@@ -1,0 +1,14 @@
+// What becomes of a mesh file: the mesh that queries run on, and its facts.
+#pragma once
+
+#include "core/catalog/facts.h"
+#include "core/geometry/triangle_mesh.h"
+
+namespace kdray::core {
+
+struct PreparedMesh {
+  MeshFacts facts;
+  TriangleMesh mesh;
+};
+
+}  // namespace kdray::core

@@ -1,0 +1,29 @@
+// What a store keeps about each tree and each measured mesh, as values.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "core/catalog/facts.h"
+#include "core/catalog/tree_id.h"
+#include "core/tradeoff/tradeoff.h"
+
+namespace kdray::core {
+
+/// What is known about a tree without its mesh and structure in memory: enough to describe it.
+struct TreeRecord {
+  TreeId id;
+  std::int64_t created_ms = 0;    ///< since 1970, UTC
+  std::uint64_t mesh_bytes = 0;   ///< size of the mesh file
+  std::optional<MeshFacts> mesh;  ///< once it was parsed
+  std::optional<TreeFacts> tree;  ///< once it was built; without it a build is due
+  friend bool operator==(const TreeRecord&, const TreeRecord&) = default;
+};
+
+struct MeasuredTradeoff {
+  std::int64_t measured_ms = 0;  ///< when it ended; since 1970, UTC
+  Tradeoff tradeoff;
+  friend bool operator==(const MeasuredTradeoff&, const MeasuredTradeoff&) = default;
+};
+
+}  // namespace kdray::core

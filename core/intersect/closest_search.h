@@ -1,0 +1,124 @@
+// One ray through one structure: the plain path of closest hit, templated over the leaf test and
+// the structure. The kernels (core/kernel) are its fast siblings.
+#pragma once
+
+#include <array>
+#include <limits>
+#include <span>
+
+#include "core/base/cancel_poll.h"
+#include "core/geometry/hit.h"
+#include "core/geometry/local_ray.h"
+#include "core/geometry/triangle_mesh.h"
+#include "core/intersect/exact_intersection.h"
+#include "core/intersect/precision.h"
+#include "core/intersect/triangle_intersection.h"
+
+namespace kdray::core {
+
+/// The triangles of a mesh in the numbers a leaf test works with.
+template <class Number, class Stored>
+class Corners {
+ public:
+  Corners(std::span<const Vec3<Stored>> vertices, std::span<const TriangleIndices> triangles)
+      : vertices_(vertices), triangles_(triangles) {}
+
+  std::array<Vec3<Number>, 3> operator()(PrimitiveId id) const {
+    const TriangleIndices& t = triangles_[id];
+    return {Vec3<Number>(vertices_[t[0]]), Vec3<Number>(vertices_[t[1]]),
+            Vec3<Number>(vertices_[t[2]])};
+  }
+
+ private:
+  std::span<const Vec3<Stored>> vertices_;
+  std::span<const TriangleIndices> triangles_;
+};
+
+/// Calls f(corners, IntersectionTag<Test>()) with the test of a precision and the mesh's corners in
+/// its numbers, and returns what f does. The one place where a precision becomes a test.
+template <class Test>
+struct IntersectionTag {
+  using Type = Test;
+};
+template <class F>
+decltype(auto) VisitIntersection(const TriangleMesh& mesh, Precision precision, const F& f) {
+  return mesh.VisitVertices(
+      [&]<class Stored>(std::span<const Vec3<Stored>> vertices) -> decltype(auto) {
+        const auto with = [&]<class Test>(IntersectionTag<Test> tag) -> decltype(auto) {
+          return f(Corners<typename Test::Number, Stored>(vertices, mesh.triangles()), tag);
+        };
+        switch (precision) {
+          case Precision::kFast:
+            return with(IntersectionTag<FastTest>());
+          case Precision::kWatertight:
+            return with(IntersectionTag<WatertightTest<float>>());
+          case Precision::kDouble:
+            return with(IntersectionTag<WatertightTest<double>>());
+          case Precision::kExact:
+            break;
+        }
+        return with(IntersectionTag<ExactTest>());
+      });
+}
+
+/// Counts no work, at no cost.
+struct NoCost {
+  void CountNode() {}
+  void CountTriangles(std::size_t) {}
+};
+
+/// One ray's search for the closest accepted triangle within the caller's interval.
+template <class Test>
+struct ClosestSearch {
+  typename Test::Hit best{};
+  PrimitiveId best_id = kNoPrimitive;
+  /// The local parameter beyond which nothing can be closer.
+  double limit = std::numeric_limits<double>::infinity();
+
+  /// Returns whether the triangle was kept.
+  template <class Corners>
+  bool Offer(const Test& test, PrimitiveId id, const Corners& corners) {
+    if (id == best_id) return false;  // again, from another leaf
+    const auto [a, b, c] = corners(id);
+    typename Test::Hit hit;
+    if (!test.Test(a, b, c, &hit)) return false;
+    if (best_id != kNoPrimitive && !test.IsCloser(hit, id, best, best_id, corners)) return false;
+    if (!test.IsInInterval(hit, id, corners)) return false;
+    best = hit;
+    best_id = id;
+    limit = test.Limit(hit);
+    return true;
+  }
+  template <class Corners>
+  Hit Finish(const Test& test, const Corners& corners) const {
+    return best_id == kNoPrimitive ? Hit{} : test.Finish(best, best_id, corners);
+  }
+};
+
+/// What a step through a node of a structure, for one ray, counts as (CancelPoll).
+inline constexpr std::uint64_t kNodeWork = 32;
+
+/// The closest accepted triangle; Hit{} on a miss, and anything once the poll has stopped.
+template <class Test, class Structure, class Corners, class Cost>
+Hit FindClosest(const Structure& structure, const Corners& corners, const LocalRay& ray, Cost cost,
+                CancelPoll* poll) {
+  const Test test(ray);
+  ClosestSearch<Test> closest;
+  structure.Traverse(
+      ray, test.pad(),
+      [&](std::span<const PrimitiveId> leaf) {
+        cost.CountTriangles(leaf.size());
+        for (const PrimitiveId id : leaf) {
+          if (poll->Spend(Test::kWork)) return -std::numeric_limits<double>::infinity();
+          closest.Offer(test, id, corners);
+        }
+        return closest.limit;
+      },
+      [&] {
+        cost.CountNode();
+        return !poll->Spend(kNodeWork);
+      });
+  return closest.Finish(test, corners);
+}
+
+}  // namespace kdray::core

@@ -1,0 +1,27 @@
+// Which engine takes which rays.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+
+#include "core/kernel/kernel.h"
+#include "core/kernel/kernel_kind.h"
+#include "core/kernel/simd_level.h"
+
+namespace kdray::core {
+
+/// What a caller decides instead of the rays and the processor (TraceOptions).
+struct KernelOverrides {
+  std::optional<Engine> engine = {};
+  std::optional<SimdLevel> simd = {};
+  std::optional<bool> sort = {};
+};
+
+/// Fills in what the job's tree, rays and precision and the processor decide.
+void ChooseEngines(const KernelOverrides& overrides, EngineJob* job);
+
+/// Traces rows [first, last) by the engines that suit them, until job.cancel stops it: then sets
+/// *job.stopped, and does nothing once that is set.
+void TraceBlock(const EngineJob& job, std::size_t first, std::size_t last);
+
+}  // namespace kdray::core

@@ -1,0 +1,233 @@
+// The search of the precision `exact`: ExactTest's filter on four triangles at once.
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+
+#include "core/accel/wide/wide_tree.h"
+#include "core/geometry/local_ray.h"
+#include "core/intersect/exact_intersection.h"
+#include "core/intersect/rounded_ray.h"
+#include "core/kernel/kernel.h"
+#include "core/kernel/simd/exact_hits-inl.h"
+#include "core/kernel/simd/filters-inl.h"
+#include "core/kernel/simd/isa.h"
+#include "core/kernel/simd/rays-inl.h"
+#include "core/kernel/simd/search-inl.h"
+#include "core/kernel/simd/vectors-inl.h"
+
+KDRAY_BEGIN_ISA();
+namespace kdray::core::KDRAY_ISA {
+
+/// What double arithmetic knows of four triangles.
+struct ExactDecision {
+  unsigned outside;        ///< lanes that are certainly not hit
+  unsigned inside;         ///< lanes that are certainly hit; for the others the rest
+                           ///< says nothing
+  double low[4], high[4];  ///< bounds of the exact local parameter of LocalRay
+};
+
+/// A ray as ExactTest sees it, in vectors of triangles.
+struct ExactRay : RoundedRay {
+  std::uint32_t axis;                  // along which the direction is longest
+  double inverse;                      // of that component
+  double product_error, origin_error;  // see Decide
+
+  void Begin(const LocalRay& local, const CullRay& cull) {
+    static_cast<RoundedRay&>(*this) = RoundedRay(local);
+    axis = cull.axis[2];
+    inverse = cull.inverse_z;
+    SetErrors();
+  }
+
+  /// The same for a ray that PrepareUsual has taken.
+  KDRAY_INLINE void BeginUsual(const GivenRay& given, const FrameVectors& frame,
+                               const LocalRay& local, const CullRay& cull) {
+    direction = local.direction;
+    origin = local.origin;
+    const DoubleDouble4 moved = TwoDifference4(given.from, frame.origin);
+    const D4 low = moved.low * Set4(frame.scale);
+    const D4 size = Abs(low);
+    // What scaling may take away by underflow counts for nothing beside kUnderflow.
+    origin_low = {low[0], low[1], low[2]};
+    origin_error = 0;
+    origin_rounding = std::max({size[0], size[1], size[2]});
+    shift = shift_low = 0;
+    axis = cull.axis[2];
+    inverse = cull.inverse_z;
+    SetErrors();
+  }
+
+  /// corner_at(corner, axis) gives four triangles' coordinates along an axis of the mesh.
+  ///
+  /// One bound serves a triangle's three volumes, product_error * m^2 + origin_error * m, where no
+  /// coordinate is beyond m: an edge's products add up to no more than 2 (|dx| + |dy| + |dz|) m^2.
+  /// It is more than four times RoundedRay's bound (fused products are off by less than its own).
+  template <class CornerAt>
+  KDRAY_INLINE void Decide(const CornerAt& corner_at, ExactDecision* decision) const {
+    D4 at[3][3], size[3];
+    for (int corner = 0; corner < 3; ++corner) {
+      for (int k = 0; k < 3; ++k) {
+        at[corner][k] = corner_at(corner, static_cast<std::uint32_t>(k)) - Set4(origin[k]);
+      }
+      size[corner] = Max(Max(Abs(at[corner][0]), Abs(at[corner][1])), Abs(at[corner][2]));
+    }
+    const D4 m = Max(Max(size[0], size[1]), size[2]);
+    const auto volume_of = [&](const D4* p, const D4* q) KDRAY_LAMBDA {
+      const D4 x = MulSub(p[1], q[2], p[2] * q[1]);
+      const D4 y = MulSub(p[2], q[0], p[0] * q[2]);
+      const D4 z = MulSub(p[0], q[1], p[1] * q[0]);
+      return MulAdd(Set4(direction.x), x, MulAdd(Set4(direction.y), y, Set4(direction.z) * z));
+    };
+    const D4 a = volume_of(at[1], at[2]), b = volume_of(at[2], at[0]), c = volume_of(at[0], at[1]);
+    // The last term: nothing that follows underflows where a sum of volumes is beyond it.
+    const D4 error = MulAdd(MulAdd(Set4(product_error), m, Set4(origin_error)), m, Set4(0x1p-900));
+    const D4 least = Min(Min(a, b), c);
+    const D4 most = Max(Max(a, b), c);
+    // NaN, from errors without bound, is neither.
+    decision->outside = Bits(L4((least < -error) & (most > error)));
+    decision->inside = Bits(L4((least > error) | (most < -error)));
+    if (decision->inside == 0) return;
+
+    // Where all signs are certain, the hit's parameter s is the volumes' weighted mean of the
+    // corners' along[i]. An error in a volume moves it by no more than that error's part of the sum
+    // times the distance between the corners' parameters, and the three errors are less than error
+    // * 3 / 4; each parameter is off by 4 units and the origin's rounding; the mean's own
+    // arithmetic adds some 8 units, and the bounds one each. All that, doubled; the last term is
+    // for underflow. No parameter is beyond m, since the direction's longest component is at least
+    // 1.
+    D4 along[3];
+    for (int corner = 0; corner < 3; ++corner) {
+      along[corner] =
+          (corner_at(corner, axis) - Set4(origin[static_cast<int>(axis)])) * Set4(inverse);
+    }
+    const D4 low = Min(Min(along[0], along[1]), along[2]);
+    const D4 high = Max(Max(along[0], along[1]), along[2]);
+    const D4 inverse_sum = Set4(1.0) / (a + b + c);
+    const D4 s = (a * along[0] + b * along[1] + c * along[2]) * inverse_sum;
+    const D4 error_of_s = Set4(2) * error * Abs(inverse_sum) * (high - low) + m * Set4(0x1p-48) +
+                          Set4(8 * origin_rounding + 0x1p-150);
+    Store(s - error_of_s, decision->low);
+    Store(s + error_of_s, decision->high);
+  }
+
+ private:
+  void SetErrors() {
+    const double directions =
+        std::fabs(direction.x) + std::fabs(direction.y) + std::fabs(direction.z);
+    product_error = 9 * kProducts * directions;
+    origin_error = 9 * kOrigin * origin_rounding;
+  }
+};
+
+/// ExactTest, four triangles at once, as long as double arithmetic leaves no doubt about a sign or
+/// about which t is smaller. The first doubt hands the ray to the Judge, which from then on gets
+/// every triangle that may be hit.
+template <class Stored>
+struct ExactSearch {
+  using Answers = ExactAnswers;
+  static constexpr bool kBeginsUsual = true;
+  CullRay cull;
+  bool found;
+  bool is_judged;
+  PrimitiveId best_id;
+  std::size_t row;
+  ExactRay exact;
+  int exponent;
+  double best_low, best_high;  // bounds of the best s
+  Vec3<Stored> best_corners[3];
+  RoundedRay::Bound t_min, t_max;  // the caller's interval, local
+  JudgeSpace space;                // once is_judged
+
+  static std::optional<LocalRay> MakeRay(const Ray& ray, const MeshFrame& frame) {
+    return MakeExactLocalRay(ray, frame);
+  }
+
+  void Begin(const EngineJob&, const LocalRay& local, std::size_t at) {
+    PrepareShear(local, &cull);
+    exact.Begin(local, cull);
+    BeginEmpty(local, at);
+    t_min = RoundedRay::BoundOf(local.t_min, local);
+    t_max = RoundedRay::BoundOf(local.t_max, local);
+  }
+  KDRAY_INLINE void BeginUsual(const EngineJob& job, const FrameVectors& frame,
+                               const LocalRay& local, std::size_t at) {
+    PrepareShear(local, &cull);
+    exact.BeginUsual(LoadRay(job.rays, at), frame, local, cull);
+    BeginEmpty(local, at);
+    const double to_local = PowerOfTwo(-local.exponent);
+    t_min = BoundOf(local.t_min * to_local);
+    t_max = BoundOf(local.t_max * to_local);
+  }
+
+  KDRAY_INLINE void Test(const EngineJob& job, const LeafBlock& block, unsigned lanes) {
+    VisitFours<Stored>(
+        job, block, FilterRelaxed(cull, block) & lanes,
+        [&](const auto& corner_at, const PrimitiveId* ids, unsigned four) KDRAY_LAMBDA {
+          ExactDecision decision;
+          exact.Decide(corner_at, &decision);
+          for (four &= ~decision.outside; four != 0; four &= four - 1) {
+            const unsigned k = static_cast<unsigned>(__builtin_ctz(four));
+            const Verdict verdict = is_judged || (decision.inside >> k & 1u) == 0
+                                        ? Verdict::kDoubt
+                                        : Compare(decision.low[k], decision.high[k], ids[k]);
+            if (verdict == Verdict::kDoubt) OfferToJudge(job, ids[k]);
+            if (verdict != Verdict::kCloser) continue;
+            found = true;
+            best_id = ids[k];
+            best_low = decision.low[k];
+            best_high = decision.high[k];
+            cull.exit = std::min(cull.exit, RoundedUp(best_high + kDoublePad));
+            for (int corner = 0; corner < 3; ++corner) {
+              best_corners[corner] = corner_at.At(corner, k);
+            }
+          }
+        });
+  }
+
+ private:
+  KDRAY_INLINE void BeginEmpty(const LocalRay& local, std::size_t at) {
+    found = is_judged = false;
+    best_id = kNoPrimitive;
+    row = at;
+    exponent = local.exponent;
+  }
+  /// RoundedRay::BoundOf for a ray that was not moved.
+  static RoundedRay::Bound BoundOf(double t) {
+    const double room = std::copysign(0x1p-48, t);
+    return {t * (1 - room), t * (1 + room)};
+  }
+
+  enum class Verdict { kCloser, kNotCloser, kDoubt };
+  /// How a triangle that is certainly hit compares with the best so far, and with the interval.
+  KDRAY_INLINE Verdict Compare(double low, double high, PrimitiveId id) const {
+    if (id == best_id || (found && low > best_high)) return Verdict::kNotCloser;
+    if (high < t_min.low || low > t_max.high) return Verdict::kNotCloser;
+    if (found && !(high < best_low)) return Verdict::kDoubt;
+    const bool in_interval = low > t_min.high && high < t_max.low;
+    return in_interval ? Verdict::kCloser : Verdict::kDoubt;
+  }
+
+  __attribute__((noinline)) void HandToJudge(const EngineJob& job) {
+    is_judged = true;
+    const Ray ray = job.rays[row];
+    const std::optional<LocalRay> local = MakeRay(ray, job.mesh->frame());
+    job.judge->Begin(*local, &space);
+    if (found) job.judge->Offer(best_id, &space);
+  }
+  __attribute__((noinline)) void OfferToJudge(const EngineJob& job, PrimitiveId id) {
+    job.poll->Spend(job.judge->work());
+    if (!is_judged) HandToJudge(job);
+    if (!job.judge->Offer(id, &space)) return;
+    found = true;
+    cull.exit = std::min(cull.exit, RoundedUp(job.judge->Limit(space)));
+  }
+};
+
+}  // namespace kdray::core::KDRAY_ISA
+KDRAY_END_ISA();

@@ -1,0 +1,373 @@
+// The frustum: a packet of 64 rays from one origin, or towards one target, goes through the tree as
+// one. Nodes are culled for all of them by intervals, triangles for each group of 16 by rectangles,
+// then for each ray by edges; what is left are pairs, tested 16 at a time.
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "core/accel/wide/wide_tree.h"
+#include "core/kernel/kernel.h"
+#include "core/kernel/simd/isa.h"
+#include "core/kernel/simd/node_step-inl.h"
+#include "core/kernel/simd/packet-inl.h"
+#include "core/kernel/simd/packet_hits-inl.h"
+#include "core/kernel/simd/vectors-inl.h"
+
+KDRAY_BEGIN_ISA();
+namespace kdray::core::KDRAY_ISA {
+
+/// The lanes of a block whose triangles each group may hit.
+struct LanesByGroup {
+  unsigned of[FrustumRays::kGroups];
+  unsigned any;
+};
+/// A block's corners, seen from the packet's origin, along the packet's axes.
+struct CornersFromOrigin {
+  F8 at[3][3];  // [corner][axis]
+};
+
+/// By the triangles' rectangles in the plane of shears.
+/// Every leaf test decides on points that are within kFloatPad of the ray and of the triangle.
+/// Where the triangle is z away that is kFloatPad / z in shear, times what a ray's direction is
+/// longer than its z; rounding here is off by 2^-21 of a shear, below 1. A triangle that reaches
+/// behind the origin has no rectangle.
+KDRAY_INLINE LanesByGroup FilterRectangles(const FrustumRays& rays,
+                                           const CornersFromOrigin& corners, unsigned active) {
+  constexpr float kMargin = static_cast<float>(4 * kFloatPad);
+  const F8 ahead = Set8((rays.octant >> rays.axis[2] & 1u) != 0 ? -1.0f : 1.0f);
+  F8 inverse[3];
+  for (int c = 0; c < 3; ++c) inverse[c] = Set8(1) / corners.at[c][2];
+  const F8 nearest =
+      Min(Min(ahead * corners.at[0][2], ahead * corners.at[1][2]), ahead * corners.at[2][2]);
+  // NaN, where there is no triangle, is in neither.
+  const unsigned without = Bits(LessEqual(nearest, Set8(0x1p-20f)));
+  const F8 margin =
+      Max(Max(Abs(inverse[0]), Abs(inverse[1])), Abs(inverse[2])) * Set8(kMargin) + Set8(0x1p-20f);
+  F8 low[2], high[2];
+  for (int k = 0; k < 2; ++k) {
+    const F8 a = corners.at[0][k] * inverse[0];
+    const F8 b = corners.at[1][k] * inverse[1];
+    const F8 c = corners.at[2][k] * inverse[2];
+    low[k] = Min(Min(a, b), c) - margin;
+    high[k] = Max(Max(a, b), c) + margin;
+  }
+  const auto overlap = [&](float low_x, float high_x, float low_y, float high_y) KDRAY_LAMBDA {
+    return (LessEqual(low[0], Set8(high_x)) & LessEqual(Set8(low_x), high[0])) &
+           (LessEqual(low[1], Set8(high_y)) & LessEqual(Set8(low_y), high[1]));
+  };
+  LanesByGroup lanes = {};
+  for (std::size_t g = 0; g < FrustumRays::kGroups; ++g) {
+    const unsigned met = Bits(overlap(rays.group_low[0][g], rays.group_high[0][g],
+                                      rays.group_low[1][g], rays.group_high[1][g])) |
+                         without;
+    lanes.of[g] = (active >> g & 1u) != 0 ? met : 0;
+    lanes.any |= lanes.of[g];
+  }
+  return lanes;
+}
+
+/// The triangles of a block as the packet sees them. A test's edge function is linear in the ray's
+/// shear once a corner is seen from the packet's middle. `slack` is twice what FilterRelaxed
+/// allows, for both evaluations.
+struct FrustumEdges {
+  alignas(32) float middle[3][8], by_x[3][8], by_y[3][8], slack[8];
+
+  KDRAY_INLINE FrustumEdges(const FrustumRays& rays, const CornersFromOrigin& corners) {
+    const F8 rx = Set8(rays.shear_reach[0]), ry = Set8(rays.shear_reach[1]);
+    F8 x[3], y[3], z[3];
+    F8 m = Set8(0);
+    for (int c = 0; c < 3; ++c) {
+      z[c] = corners.at[c][2];
+      x[c] = corners.at[c][0] - Set8(rays.shear_middle[0]) * z[c];
+      y[c] = corners.at[c][1] - Set8(rays.shear_middle[1]) * z[c];
+      m = Max(m, Max(Abs(x[c]) + rx * Abs(z[c]), Abs(y[c]) + ry * Abs(z[c])));
+    }
+    Store(m * Set8(0x1p-14f) + Set8(0x1p-33f), slack);
+    // x_p y_q - y_p x_q, where a ray sees x - dx z and y - dy z.
+    constexpr int kFrom[3] = {2, 0, 1}, kTo[3] = {1, 2, 0};
+    for (int e = 0; e < 3; ++e) {
+      const int p = kFrom[e], q = kTo[e];
+      Store(x[p] * y[q] - y[p] * x[q], middle[e]);
+      Store(z[p] * y[q] - y[p] * z[q], by_x[e]);
+      Store(x[p] * z[q] - z[p] * x[q], by_y[e]);
+    }
+  }
+
+  /// The rays of a group that may hit the triangle of a lane.
+  KDRAY_INLINE unsigned Rays(const FrustumRays& rays, std::size_t group, unsigned lane) const {
+    const F16 dx = Load16(rays.offset[0] + 16 * group);
+    const F16 dy = Load16(rays.offset[1] + 16 * group);
+    F16 w[3];
+    for (int e = 0; e < 3; ++e) {
+      w[e] = NegMulAdd(dy, Set16(by_y[e][lane]),
+                       NegMulAdd(dx, Set16(by_x[e][lane]), Set16(middle[e][lane])));
+    }
+    return Bits(LessEqual(Set16(-slack[lane]), Min(Min(w[0], w[1]), w[2])) |
+                LessEqual(Max(Max(w[0], w[1]), w[2]), Set16(slack[lane])));
+  }
+};
+
+/// The block after this one, if it is of the same leaf.
+KDRAY_INLINE void PrefetchNext(const LeafBlock& block) {
+  if (block.IsLast()) return;
+  const char* at = reinterpret_cast<const char*>(&block + 1);
+  for (int line = 0; line < 5; ++line) __builtin_prefetch(at + 64 * line);
+}
+
+/// One packet's way through the tree, a node or a leaf at a time.
+template <class Hits>
+class Frustum {
+ public:
+  explicit Frustum(const EngineJob& job) : job_(job), tree_(*job.tree) {
+    capacity_ = tree_.stack_size + WideNode::kWidth;
+    memory_.resize(2 * capacity_);
+    enter_ = reinterpret_cast<float*>(memory_.data());
+    child_ = memory_.data() + capacity_;
+  }
+
+  /// Takes rows [first, first + 64), when they are such a packet.
+  bool Begin(std::size_t first) {
+    if (!rays_.Gather(job_, first)) return false;
+    first_ = first;
+    hits_.Begin();
+    work_ = 0;
+    size_ = 0;
+    current_ = tree_.root;
+    current_enter_ = rays_.enter;
+    exit_ = FindExits();
+    return true;
+  }
+
+  /// False when nothing is left to do, or when it was given up: with so many triangles in sight
+  /// that few of them are larger than the distance between rays, single rays are faster; or when
+  /// the job's poll has stopped.
+  KDRAY_INLINE bool Step() {
+    if (job_.poll->Spend(kStepWork)) return false;
+    if ((current_ & WideChild::kLeafBit) == 0) {
+      StepDown(tree_.nodes[current_]);
+    } else {
+      TestLeaf(current_ & ~WideChild::kLeafBit, current_enter_);
+      if (work_ > Hits::kMostWork) return false;
+      exit_ = FindExits();
+    }
+    while (size_ != 0) {
+      --size_;
+      // Entries of a packet are not in order: skip, do not stop.
+      if (enter_[size_] > exit_) continue;
+      current_ = child_[size_];
+      current_enter_ = enter_[size_];
+      return true;
+    }
+    return false;
+  }
+
+  /// Writes the answers. Rows to be traced alone are appended to `alone`, whatever was answered for
+  /// them. False when all are.
+  bool End(std::vector<std::uint32_t>* alone) {
+    if (work_ > Hits::kMostWork) {
+      hits_.alone = FrustumRays::kAll;
+    } else {
+      hits_.Finish(job_, first_, rays_);
+      if (hits_.alone == 0) return true;
+    }
+    for (std::size_t i = 0; i < FrustumRays::kRays; ++i) {
+      if ((hits_.alone >> rays_.order->PlaceOf(i) & 1u) != 0) {
+        alone->push_back(static_cast<std::uint32_t>(RowAt(job_, first_ + i)));
+      }
+    }
+    return hits_.alone != FrustumRays::kAll;
+  }
+
+ private:
+  // What a block of triangles counts as (CancelPoll), for the whole packet.
+  static constexpr std::uint64_t kPacketBlockWork = 512;
+
+  KDRAY_INLINE void StepDown(const WideNode& node) {
+    // Planes by the octant; near planes are divided by the largest reciprocal or the smallest,
+    // whichever is nearer.
+    const auto bound = [&](int axis, bool far) KDRAY_LAMBDA {
+      const bool negative = (rays_.octant >> axis & 1u) != 0;
+      return Load(negative != far ? node.high[axis] : node.low[axis]);
+    };
+    F8 near = Set8(rays_.enter);
+    F8 far = Set8(exit_);
+    for (int axis = 0; axis < 3; ++axis) {
+      const F8 low = Set8(rays_.inverse_low[axis]);
+      const F8 high = Set8(rays_.inverse_high[axis]);
+      const F8 origin = Set8(rays_.origin[axis]);
+      const F8 to_near = bound(axis, false) - origin;
+      const F8 to_far = bound(axis, true) - origin;
+      near = Max(near, Min(to_near * low, to_near * high));
+      far = Min(far, Max(to_far * low, to_far * high));
+    }
+    const I8 order = UnpackOrder(node.order[rays_.octant]);
+    const F8 near_in_order = Permute(near, order);
+    const I8 children = Permute(Load(node.child), order);
+    const unsigned met = Bits(LessEqual(near_in_order, Permute(far, order)));
+    Store(Compress(met, near_in_order), enter_ + size_);
+    Store(Compress(met, children), child_ + size_);
+    const std::size_t pushed = static_cast<std::size_t>(__builtin_popcount(met));
+    if (job_.prefetch) {
+      for (std::size_t i = size_ + pushed; i-- > size_;) PrefetchChild(tree_, child_[i]);
+    }
+    size_ += pushed;
+  }
+
+  void TestLeaf(std::uint32_t number, float enter) {
+    unsigned active = 0;
+    for (unsigned g = 0; g < FrustumRays::kGroups; ++g) {
+      active |= static_cast<unsigned>(enter <= group_exit_[g]) << g;
+    }
+    for (;; ++number) {
+      const LeafBlock& block = tree_.blocks[number];
+      PrefetchNext(block);
+      CornersFromOrigin corners;
+      for (int c = 0; c < 3; ++c) {
+        for (int k = 0; k < 3; ++k) {
+          const std::uint32_t axis = rays_.axis[k];
+          corners.at[c][k] =
+              Load(block.corner[c][axis]) - Set8(rays_.origin[static_cast<int>(axis)]);
+        }
+      }
+      const LanesByGroup lanes = FilterRectangles(rays_, corners, active);
+      ++work_;
+      if (lanes.any != 0) TestBlock(block, number, lanes, corners);
+      if (block.IsLast() || job_.poll->Spend(kPacketBlockWork)) break;
+    }
+  }
+
+  // Lists in place of nested loops, as their branches could not be foretold.
+  KDRAY_INLINE void TestBlock(const LeafBlock& block, std::uint32_t number,
+                              const LanesByGroup& lanes, const CornersFromOrigin& corners) {
+    constexpr std::size_t kGroups = FrustumRays::kGroups;
+    constexpr std::size_t kLanes = LeafBlock::kWidth;
+    alignas(64) std::uint32_t items[kGroups * kLanes + kLanes];  // group times 8 and lane
+    std::size_t item_count = 0;
+    for (std::uint32_t g = 0; g < kGroups; ++g) {
+      const I8 item = SetI8(kLanes * g) + I8{0, 1, 2, 3, 4, 5, 6, 7};
+      Store(Compress(lanes.of[g], item), items + item_count);
+      item_count += static_cast<std::size_t>(__builtin_popcount(lanes.of[g]));
+    }
+    work_ += item_count;
+    const FrustumEdges edges(rays_, corners);
+    alignas(64) std::uint32_t place[FrustumRays::kRays * kLanes + 16];
+    alignas(64) std::uint32_t lane[FrustumRays::kRays * kLanes + 16];
+    std::size_t pair_count = 0;
+    for (std::size_t i = 0; i < item_count; ++i) {
+      const std::uint32_t group = items[i] / kLanes;
+      const unsigned bits = edges.Rays(rays_, group, items[i] % kLanes) &
+                            ~static_cast<unsigned>(hits_.done() >> (16 * group));
+      StoreIndices(bits, 16 * group, place + pair_count);
+      Fill16(items[i] % kLanes, lane + pair_count);
+      pair_count += static_cast<std::size_t>(__builtin_popcount(bits));
+    }
+    for (std::size_t i = 0; i < pair_count; i += 16) {
+      const std::size_t left = pair_count - i;
+      TestPairs({place + i, lane + i, left >= 16 ? 0xffffu : (1u << left) - 1, &block,
+                 static_cast<std::uint32_t>(kLanes) * number});
+    }
+  }
+
+  KDRAY_INLINE void TestPairs(const RayTrianglePairs& pairs) {
+    // Places beyond the last pair hold anything.
+    Corners16 corners;
+    for (int c = 0; c < 3; ++c) {
+      for (std::uint32_t k = 0; k < 3; ++k) {
+        corners.at[c][k] = LookUp8(pairs.block->corner[c][Hits::Axis(rays_, k)], pairs.lane);
+      }
+    }
+    F16 origin[3], ray[3];
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      origin[k] = rays_.OriginAt(Hits::Axis(rays_, k), pairs.place);
+      ray[k] = LookUp64(Hits::RayRow(rays_, static_cast<int>(k)), pairs.place);
+    }
+    hits_.Take(Hits::Test(corners, origin, ray), pairs, rays_);
+  }
+
+  // The groups' exits, and the packet's.
+  KDRAY_INLINE float FindExits() {
+    for (std::size_t g = 0; g < FrustumRays::kGroups; ++g) {
+      group_exit_[g] = Largest(Min(Load16(rays_.exit + 16 * g), Load16(hits_.exits() + 16 * g)));
+    }
+    return std::max(std::max(group_exit_[0], group_exit_[1]),
+                    std::max(group_exit_[2], group_exit_[3]));
+  }
+
+  const EngineJob& job_;
+  const WideTree& tree_;
+  std::size_t capacity_;
+  std::vector<std::uint32_t> memory_;
+  float* enter_;          // the stack: where the packet enters, and
+  std::uint32_t* child_;  // what
+  std::size_t size_ = 0;
+  std::uint32_t current_ = 0;
+  float current_enter_ = 0;
+  float exit_ = 0;
+  std::size_t first_ = 0;
+  std::size_t work_ = 0;
+  float group_exit_[FrustumRays::kGroups];
+  FrustumRays rays_;
+  Hits hits_;
+};
+
+/// Asks for the memory of a packet's answers, and of the next packet's rays.
+inline void PrefetchRows(const EngineJob& job, std::size_t first, std::size_t last) {
+  for (std::size_t i = first; job.hits != nullptr && i < first + FrustumRays::kRays; i += 2) {
+    __builtin_prefetch(&job.hits[RowAt(job, i)], 1);
+  }
+  for (std::size_t i = first + FrustumRays::kRays;
+       i < std::min(last, first + 2 * FrustumRays::kRays); i += 2) {
+    job.rays.Prefetch(RowAt(job, i));
+  }
+}
+
+/// Packets of 64 where there are any; the other rays by `rest`.
+template <class Hits>
+void TraceByFrustum(const EngineJob& job, std::size_t first, std::size_t last,
+                    EngineFunction rest) {
+  std::vector<std::uint32_t> others;
+  const auto leave = [&](std::size_t from, std::size_t to) {
+    for (std::size_t i = from; i < to; ++i) {
+      others.push_back(static_cast<std::uint32_t>(RowAt(job, i)));
+    }
+  };
+  if (job.tree->root != WideChild::kEmpty) {
+    const auto packet = std::make_unique<Frustum<Hits>>(job);
+    // After a packet that was none, or too much work, some are passed over.
+    unsigned pass_over = 0;
+    unsigned next_pass = 1;
+    for (; first + FrustumRays::kRays <= last; first += FrustumRays::kRays) {
+      if (job.poll->Spend(FrustumRays::kRays * kBeginWork)) return;
+      PrefetchRows(job, first, last);
+      if (pass_over != 0 || !packet->Begin(first)) {
+        pass_over -= pass_over != 0;
+        leave(first, first + FrustumRays::kRays);
+        continue;
+      }
+      while (packet->Step()) {
+      }
+      if (job.poll->stopped()) return;
+      if (packet->End(&others)) {
+        next_pass = 1;
+      } else {
+        pass_over = next_pass;
+        next_pass *= 4;
+      }
+    }
+  }
+  leave(first, last);
+  if (others.empty()) return;
+  EngineJob remaining = job;
+  remaining.rows = others.data();
+  rest(remaining, 0, others.size());
+}
+
+}  // namespace kdray::core::KDRAY_ISA
+KDRAY_END_ISA();

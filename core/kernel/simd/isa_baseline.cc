@@ -1,0 +1,1 @@
+#include "core/kernel/simd/kernels-inl.h"

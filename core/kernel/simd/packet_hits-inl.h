@@ -1,0 +1,375 @@
+// What a packet's rays have found so far, and the leaf tests on 16 lanes, each a ray and a
+// triangle: the rays of a group with one triangle, or any 16 pairs.
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "core/accel/wide/wide_tree.h"
+#include "core/geometry/hit.h"
+#include "core/intersect/triangle_intersection.h"
+#include "core/kernel/kernel.h"
+#include "core/kernel/simd/isa.h"
+#include "core/kernel/simd/packet-inl.h"
+#include "core/kernel/simd/search-inl.h"
+#include "core/kernel/simd/vectors-inl.h"
+
+KDRAY_BEGIN_ISA();
+namespace kdray::core::KDRAY_ISA {
+
+/// [corner][axis], local coordinates.
+struct Corners16 {
+  F16 at[3][3];
+};
+
+/// How far along its ray each lane is hit: between `low` and `high`, unless that is not certain.
+struct AlongRay {
+  unsigned accepted, certain;
+  F16 low, high;
+};
+
+/// 16 pairs of a ray and a triangle of one block, or as many as `lanes` has bits.
+struct RayTrianglePairs {
+  const std::uint32_t* place;  // of the ray
+  const std::uint32_t* lane;   // of the triangle
+  unsigned lanes;
+  const LeafBlock* block;
+
+  KDRAY_INLINE void Numbers(PrimitiveId* numbers) const {
+    LookUp8(block->id, lane, numbers);
+    for (int k = 0; k < 16; ++k) numbers[k] &= LeafBlock::kIdMask;
+  }
+  std::uint32_t slot;  // of its first triangle: its number times 8
+};
+
+/// What both precisions share; arrays are by place, and have one place more for what is not wanted.
+/// A ray whose hit the packet cannot place for certain leaves it: it is
+/// traced alone in the end.
+struct PacketHits {
+  static constexpr std::size_t kRays = FrustumRays::kRays;
+  /// Blocks, and triangles with a group, beyond which single rays are faster.
+  static constexpr std::size_t kMostWork = 800;
+  std::uint64_t alone = 0;
+  alignas(64) std::uint32_t found[kRays + 1];  // kNoPrimitive where nothing was
+
+  void Begin() {
+    alone = 0;
+    for (std::uint32_t& f : found) f = kNoPrimitive;
+  }
+  KDRAY_INLINE void LeaveAlone(std::size_t place, std::uint64_t bits) { alone |= bits << place; }
+  /// The rays that need no more tests.
+  std::uint64_t done() const { return alone; }
+};
+
+/// Hits of four rays, from columns to rows, to where the rays came from: `four` counts them in
+/// fours.
+KDRAY_INLINE void StoreHits(const EngineJob& job, std::size_t first, const PacketOrder& order,
+                            std::size_t four, D4 t, D4 u, D4 v, const std::uint32_t* found) {
+  static_assert(sizeof(Hit) == 32 && offsetof(Hit, primitive_id) == 24);
+  U4 id32;
+  __builtin_memcpy(&id32, found + order.place_of_four[four], sizeof(id32));
+  const L4 id = __builtin_convertvector(id32, L4);
+  const L4 is_miss = id == L4{kNoPrimitive, kNoPrimitive, kNoPrimitive, kNoPrimitive};
+  t = Select(is_miss, Set4(std::numeric_limits<double>::infinity()), t);
+  u = D4(L4(u) & ~is_miss);
+  v = D4(L4(v) & ~is_miss);
+  const D4 tu02 = __builtin_shufflevector(t, u, 0, 4, 2, 6),
+           tu13 = __builtin_shufflevector(t, u, 1, 5, 3, 7);
+  const D4 vi02 = __builtin_shufflevector(v, D4(id), 0, 4, 2, 6),
+           vi13 = __builtin_shufflevector(v, D4(id), 1, 5, 3, 7);
+  const D4 hit[4] = {__builtin_shufflevector(tu02, vi02, 0, 1, 4, 5),
+                     __builtin_shufflevector(tu13, vi13, 0, 1, 4, 5),
+                     __builtin_shufflevector(tu02, vi02, 2, 3, 6, 7),
+                     __builtin_shufflevector(tu13, vi13, 2, 3, 6, 7)};
+  for (std::size_t k = 0; k < 4; ++k) {
+    __builtin_memcpy(static_cast<void*>(&job.hits[RowAt(job, first + 4 * four + k)]), &hit[k],
+                     sizeof(Hit));
+  }
+}
+
+/// The closest hits of 64 rays by FastTest.
+struct FastPacketHits : PacketHits {
+  static constexpr Precision kPrecision = Precision::kFast;
+  alignas(64) float s[kRays + 1], u[kRays + 1], v[kRays + 1];
+
+  KDRAY_INLINE static std::uint32_t Axis(const FrustumRays&, std::uint32_t k) { return k; }
+  KDRAY_INLINE static const float* RayRow(const FrustumRays& rays, int k) {
+    return rays.direction[k];
+  }
+  /// Beyond which nothing is wanted, by place.
+  const float* exits() const { return s; }
+
+  struct Lanes {
+    unsigned accepted, certain;
+    F16 s, u, v;
+    AlongRay Along() const { return {accepted, certain, s, s}; }
+  };
+  /// Origins and rays by Axis and RayRow.
+  KDRAY_INLINE static Lanes Test(const Corners16& corners, const F16 (&origin)[3],
+                                 const F16 (&d)[3]) {
+    F16 b[3], c[3], from_a[3];
+    for (int k = 0; k < 3; ++k) {
+      b[k] = corners.at[1][k] - corners.at[0][k];
+      c[k] = corners.at[2][k] - corners.at[0][k];
+      from_a[k] = origin[k] - corners.at[0][k];
+    }
+    const F16 p[3] = {d[1] * c[2] - d[2] * c[1], d[2] * c[0] - d[0] * c[2],
+                      d[0] * c[1] - d[1] * c[0]};
+    const F16 q[3] = {from_a[1] * b[2] - from_a[2] * b[1], from_a[2] * b[0] - from_a[0] * b[2],
+                      from_a[0] * b[1] - from_a[1] * b[0]};
+    const F16 determinant = (b[0] * p[0] + b[1] * p[1]) + b[2] * p[2];
+    const F16 zero = Set16(0);
+    const F16 one = Set16(1);
+    const F16 inverse = one / determinant;
+    Lanes lanes;
+    lanes.u = ((from_a[0] * p[0] + from_a[1] * p[1]) + from_a[2] * p[2]) * inverse;
+    lanes.v = ((d[0] * q[0] + d[1] * q[1]) + d[2] * q[2]) * inverse;
+    lanes.accepted = Bits((NotEqual(determinant, zero) & LessEqual(zero, lanes.u)) &
+                          (LessEqual(lanes.u, one) & LessEqual(zero, lanes.v)) &
+                          LessEqual(lanes.u + lanes.v, one));
+    lanes.s = ((c[0] * q[0] + c[1] * q[1]) + c[2] * q[2]) * inverse;
+    const auto gap_is_small = [&](int k) KDRAY_LAMBDA {
+      const F16 gap = (from_a[k] + d[k] * lanes.s) - (b[k] * lanes.u + c[k] * lanes.v);
+      return LessEqual(Abs(gap), Set16(FastTest::kTolerance));
+    };
+    lanes.certain = Bits(gap_is_small(0) & gap_is_small(1) & gap_is_small(2));
+    return lanes;
+  }
+
+  KDRAY_INLINE void Take(const Lanes& lanes, const RayTrianglePairs& pairs,
+                         const FrustumRays& rays) {
+    unsigned accepted = lanes.accepted & pairs.lanes;
+    for (unsigned doubts = accepted & ~lanes.certain; doubts != 0; doubts &= doubts - 1) {
+      LeaveAlone(pairs.place[__builtin_ctz(doubts)], 1);
+    }
+    accepted &= lanes.certain & rays.IsInside(lanes.s, lanes.s, pairs.place);
+    if (accepted == 0) return;
+    alignas(64) float s_of[16], u_of[16], v_of[16];
+    alignas(64) PrimitiveId numbers[16];
+    pairs.Numbers(numbers);
+    Store(lanes.s, s_of);
+    Store(lanes.u, u_of);
+    Store(lanes.v, v_of);
+    for (; accepted != 0; accepted &= accepted - 1) {
+      const unsigned k = static_cast<unsigned>(__builtin_ctz(accepted));
+      const std::uint32_t i = pairs.place[k];
+      const PrimitiveId number = numbers[k];
+      const bool taken = (s_of[k] < s[i]) | ((s_of[k] == s[i]) & (number < found[i]));
+      // Without a branch, which could not be foretold: what is not taken goes to a place that
+      // nobody reads.
+      const std::uint32_t to = taken ? i : kRays;
+      s[to] = s_of[k];
+      u[to] = u_of[k];
+      v[to] = v_of[k];
+      found[to] = number;
+    }
+  }
+
+  void Begin() {
+    PacketHits::Begin();
+    for (float& x : s) x = std::numeric_limits<float>::infinity();
+  }
+  void Finish(const EngineJob& job, std::size_t first, const FrustumRays& rays) {
+    const D4 zero = Set4(0);
+    for (std::size_t four = 0; four < kRays / 4; ++four) {
+      const std::size_t place = rays.order->place_of_four[four];
+      StoreHits(job, first, *rays.order, four,
+                // + 0 makes 0 of -0, which an origin on the triangle's plane may give.
+                Widen4(s + place) * (Widen4(rays.scale + place) * Set4(rays.frame_scale)) + zero,
+                Widen4(u + place) + zero, Widen4(v + place) + zero, found);
+    }
+  }
+};
+
+/// The closest hits of 64 rays by WatertightTest<float>. The float arithmetic says exactly which
+/// triangles are hit; their s, a matter of double, it knows to within an error that it bounds. That
+/// decides all but a few rays; the s of the winners is computed at the end.
+struct WatertightPacketHits : PacketHits {
+  static constexpr Precision kPrecision = Precision::kWatertight;
+  // Around the s of the closest hit so far.
+  alignas(64) float low[kRays + 1], high[kRays + 1];
+  alignas(64) std::uint32_t slot[kRays + 1];  // its block times 8 and lane
+
+  KDRAY_INLINE static std::uint32_t Axis(const FrustumRays& rays, std::uint32_t k) {
+    return rays.axis[k];
+  }
+  KDRAY_INLINE static const float* RayRow(const FrustumRays& rays, int k) {
+    return k < 2 ? rays.shear[k] : rays.direction[rays.axis[2]];
+  }
+  const float* exits() const { return high; }
+
+  struct Lanes : AlongRay {
+    const AlongRay& Along() const { return *this; }
+  };
+  KDRAY_INLINE static Lanes Test(const Corners16& corners, const F16 (&origin)[3],
+                                 const F16 (&ray)[3]) {
+    F16 raw_x[3], raw_y[3], x[3], y[3], z[3];
+    for (int c = 0; c < 3; ++c) {
+      z[c] = corners.at[c][2] - origin[2];
+      raw_x[c] = corners.at[c][0] - origin[0];
+      raw_y[c] = corners.at[c][1] - origin[1];
+      x[c] = raw_x[c] - ray[0] * z[c];
+      y[c] = raw_y[c] - ray[1] * z[c];
+    }
+    const F16 wa = x[2] * y[1] - y[2] * x[1];
+    const F16 wb = x[0] * y[2] - y[0] * x[2];
+    const F16 wc = x[1] * y[0] - y[1] * x[0];
+    const F16 zero = Set16(0);
+    Lanes lanes;
+    lanes.accepted =
+        Bits(LessEqual(zero, Min(Min(wa, wb), wc)) | LessEqual(Max(Max(wa, wb), wc), zero));
+    // An edge function of 0 takes exact signs.
+    lanes.certain = Bits(NotEqual(wa, zero) & NotEqual(wb, zero) & NotEqual(wc, zero));
+    const F16 inverse_sum = Set16(1) / ((wa + wb) + wc);
+    // 1 / direction along z lies in (1/2, 1] in size, so s is not larger than z.
+    const F16 s = ((wa * z[0] + wb * z[1]) + wc * z[2]) * inverse_sum * (Set16(1) / ray[2]);
+    // A ray inside the triangle sees no corner farther from it than `reach`; each edge function is
+    // off by 2^-15 times that at most (filters-inl.h), so each weight by eight times that over
+    // their sum, and s by as much of the depth of the triangle, times 1 / direction, at most 1.
+    const auto range = [](const F16(&a)[3]) KDRAY_LAMBDA {
+      return Max(Max(a[0], a[1]), a[2]) - Min(Min(a[0], a[1]), a[2]);
+    };
+    const F16 depth = range(z);
+    const F16 reach = Max(range(raw_x), range(raw_y)) + depth;
+    const F16 error =
+        Min(depth, Set16(16 * 0x1p-15f) * reach * depth * Abs(inverse_sum)) + Set16(0x1p-20f);
+    lanes.low = s - error;
+    lanes.high = s + error;
+    return lanes;
+  }
+
+  KDRAY_INLINE void Take(const Lanes& lanes, const RayTrianglePairs& pairs,
+                         const FrustumRays& rays) {
+    unsigned accepted = lanes.accepted & pairs.lanes;
+    if (accepted == 0) return;
+    const unsigned inside = rays.IsInside(lanes.low, lanes.high, pairs.place);
+    accepted &= ~rays.IsOutside(lanes.low, lanes.high, pairs.place);
+    const unsigned certain = lanes.certain & inside;
+    alignas(64) float low_of[16], high_of[16];
+    alignas(64) PrimitiveId numbers[16];
+    pairs.Numbers(numbers);
+    Store(lanes.low, low_of);
+    Store(lanes.high, high_of);
+    for (; accepted != 0; accepted &= accepted - 1) {
+      const unsigned k = static_cast<unsigned>(__builtin_ctz(accepted));
+      const std::uint32_t i = pairs.place[k];
+      const PrimitiveId number = numbers[k];
+      const bool taken = ((certain >> k & 1u) != 0) & (high_of[k] < low[i]);
+      // The same triangle again, from another leaf, is no tie.
+      const bool open = !taken & !(high[i] < low_of[k]) & (found[i] != number);
+      LeaveAlone(i, open ? 1 : 0);
+      // Without a branch, which could not be foretold: what is not taken goes to a place that
+      // nobody reads.
+      const std::uint32_t to = taken ? i : kRays;
+      low[to] = low_of[k];
+      high[to] = high_of[k];
+      found[to] = number;
+      slot[to] = pairs.slot + pairs.lane[k];
+    }
+  }
+
+  void Begin() {
+    PacketHits::Begin();
+    for (float& x : low) x = std::numeric_limits<float>::infinity();
+    for (float& x : high) x = std::numeric_limits<float>::infinity();
+  }
+
+  void Finish(const EngineJob& job, std::size_t first, const FrustumRays& rays) {
+    // Each ray with the triangle that it found; all corners first, as what was just stored a number
+    // at a time is slow to load as a vector.
+    alignas(64) float corner[3][3][kRays] = {};
+    for (std::size_t i = 0; i < kRays; ++i) {
+      if (found[i] == kNoPrimitive) continue;
+      const LeafBlock& block = job.tree->blocks[slot[i] / LeafBlock::kWidth];
+      const std::size_t lane = slot[i] % LeafBlock::kWidth;
+      for (std::size_t c = 0; c < 3; ++c) {
+        for (std::size_t k = 0; k < 3; ++k) corner[c][k][i] = block.corner[c][rays.axis[k]][lane];
+      }
+    }
+    const auto origin = [&](int k) KDRAY_LAMBDA {
+      return Set4(rays.origin_double[static_cast<int>(rays.axis[k])]);
+    };
+    DoubleDecision decision;
+    for (std::size_t four = 0; four < kRays / 4; ++four) {
+      const std::size_t place = rays.order->place_of_four[four];
+      unsigned any = 0;
+      for (std::size_t k = 0; k < 4; ++k) {
+        any |= static_cast<unsigned>(found[place + k] != kNoPrimitive) << k;
+      }
+      if (any != 0) {
+        const FrustumRays::Shear shear = rays.ShearAt(place);
+        DecideDouble([&](int c, int k) KDRAY_LAMBDA { return Widen4(corner[c][k] + place); },
+                     origin(0), origin(1), origin(2), shear.x, shear.y, shear.inverse_z, &decision);
+        LeaveAlone(place, any & ~decision.inside);
+      }
+      StoreHits(job, first, *rays.order, four,
+                Load4(decision.s) * (Widen4(rays.scale + place) * Set4(rays.frame_scale)) + Set4(0),
+                Load4(decision.u), Load4(decision.v), found);
+    }
+  }
+};
+
+/// Whether each of 64 rays hits anything, by the leaf test of ClosestHits.
+template <class ClosestHits>
+struct AnyPacketHits {
+  static constexpr Precision kPrecision = ClosestHits::kPrecision;
+  /// Few: lit rays see everything on their way, and the hybrid's rays stop at the first hit.
+  static constexpr std::size_t kMostWork = 100;
+  std::uint64_t alone = 0;
+  std::uint64_t occluded = 0;
+  alignas(64) float exit[FrustumRays::kRays];
+
+  KDRAY_INLINE static std::uint32_t Axis(const FrustumRays& rays, std::uint32_t k) {
+    return ClosestHits::Axis(rays, k);
+  }
+  KDRAY_INLINE static const float* RayRow(const FrustumRays& rays, int k) {
+    return ClosestHits::RayRow(rays, k);
+  }
+  const float* exits() const { return exit; }
+  std::uint64_t done() const { return alone | occluded; }
+
+  using Lanes = typename ClosestHits::Lanes;
+  KDRAY_INLINE static Lanes Test(const Corners16& corners, const F16 (&origin)[3],
+                                 const F16 (&ray)[3]) {
+    return ClosestHits::Test(corners, origin, ray);
+  }
+  KDRAY_INLINE void Take(const Lanes& lanes, const RayTrianglePairs& pairs,
+                         const FrustumRays& rays) {
+    const AlongRay along = lanes.Along();
+    const unsigned accepted = along.accepted & pairs.lanes;
+    if (accepted == 0) return;
+    const unsigned inside = rays.IsInside(along.low, along.high, pairs.place);
+    const unsigned outside = rays.IsOutside(along.low, along.high, pairs.place);
+    const unsigned hit = accepted & along.certain & inside;
+    Mark(accepted & ~(along.certain & (inside | outside)), pairs.place, &alone);
+    Mark(hit, pairs.place, &occluded);
+  }
+
+  void Begin() {
+    alone = occluded = 0;
+    for (float& x : exit) x = std::numeric_limits<float>::infinity();
+  }
+  void Finish(const EngineJob& job, std::size_t first, const FrustumRays& rays) {
+    alone &= ~occluded;
+    for (std::size_t i = 0; i < FrustumRays::kRays; ++i) {
+      job.occluded[RowAt(job, first + i)] =
+          static_cast<std::uint8_t>(occluded >> rays.order->PlaceOf(i) & 1u);
+    }
+  }
+
+ private:
+  KDRAY_INLINE void Mark(unsigned lanes, const std::uint32_t* place, std::uint64_t* set) {
+    for (; lanes != 0; lanes &= lanes - 1) {
+      const std::uint32_t i = place[__builtin_ctz(lanes)];
+      *set |= std::uint64_t{1} << i;
+      exit[i] = -std::numeric_limits<float>::infinity();
+    }
+  }
+};
+
+}  // namespace kdray::core::KDRAY_ISA
+KDRAY_END_ISA();

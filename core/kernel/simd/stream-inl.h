@@ -1,0 +1,264 @@
+// The hybrid: up to 64 rays of one octant, each with an origin of its own, that go through the tree
+// together. A node is looked at once for all of them, and so is a block of triangles, but each ray
+// has its own test of the eight boxes, or of the eight triangles. For rays that are alike but share
+// nothing, as shadow rays of neighbouring pixels, or shuffled ones that were sorted.
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "core/accel/wide/wide_tree.h"
+#include "core/kernel/kernel.h"
+#include "core/kernel/simd/filters-inl.h"
+#include "core/kernel/simd/interleaved-inl.h"
+#include "core/kernel/simd/isa.h"
+#include "core/kernel/simd/node_step-inl.h"
+#include "core/kernel/simd/prepared_rays-inl.h"
+#include "core/kernel/simd/vectors-inl.h"
+
+KDRAY_BEGIN_ISA();
+namespace kdray::core::KDRAY_ISA {
+
+template <class Search, bool kAny>
+class Hybrid {
+ public:
+  explicit Hybrid(const EngineJob& job) : job_(job), tree_(*job.tree), frame_(job.mesh->frame()) {
+    // A step stores all eight places of the stack above its top.
+    const std::size_t capacity = tree_.stack_size + WideNode::kWidth;
+    enter_.resize(capacity);
+    child_.resize(capacity);
+    active_.resize(capacity);
+  }
+
+  void Run(std::size_t first, std::size_t last) {
+    for (std::size_t i = first; i < last; ++i) {
+      if (job_.poll->stopped()) return;
+      if (job_.rows != nullptr && i + kRays < last) job_.rays.Prefetch(job_.rows[i + kRays]);
+      Add(job_.rows != nullptr ? job_.rows[i] : i);
+    }
+    for (unsigned octant = 0; octant < 8; ++octant) Flush(octant);
+    answers_.Flush(job_);
+  }
+
+ private:
+  static constexpr std::size_t kRays = PreparedRays::kRays;
+  // What a node, or a block of triangles, counts as (CancelPoll) for up to so many rays.
+  static constexpr std::uint64_t kTogetherWork = 256;
+  static constexpr float kFar = 0x1p100f;  // for infinity, which BlockFilter does not take
+
+  // Rows whose rays have one octant.
+  struct Queue {
+    std::size_t row[kRays];
+    std::size_t size = 0;
+  };
+  // As Prepare finds it.
+  KDRAY_INLINE unsigned OctantOf(std::size_t row) const {
+    const auto signs = [](const auto& d) KDRAY_LAMBDA {
+      return static_cast<unsigned>(std::signbit(d.x)) |
+             static_cast<unsigned>(std::signbit(d.y)) << 1 |
+             static_cast<unsigned>(std::signbit(d.z)) << 2;
+    };
+    const RayF* floats = job_.rays.floats();
+    return floats != nullptr ? signs(floats[row].direction)
+                             : signs(job_.rays.doubles()[row].direction);
+  }
+
+  void Add(std::size_t row) {
+    const unsigned octant = OctantOf(row);
+    Queue& queue = queues_[octant];
+    queue.row[queue.size] = row;
+    if (++queue.size == kRays) Flush(octant);
+  }
+
+  void Flush(unsigned octant) {
+    Queue& queue = queues_[octant];
+    if (queue.size == 0) return;
+    if (job_.poll->Spend(queue.size * kBeginWork)) return;
+    const std::uint64_t searched = Begin(&queue);
+    if (searched != 0) Traverse(octant, searched);
+    for (std::uint64_t rays = searched; rays != 0; rays &= rays - 1) {
+      const auto k = static_cast<std::size_t>(__builtin_ctzll(rays));
+      if constexpr (kAny) {
+        job_.occluded[queue.row[k]] = search_[k].found ? 1 : 0;
+      } else {
+        answers_.Add(job_, search_[k]);
+      }
+    }
+    queue.size = 0;
+  }
+
+  // The rays that are to be searched for; the others have their answers.
+  std::uint64_t Begin(Queue* queue) {
+    // Fours are made ready together.
+    for (std::size_t k = queue->size; k % 4 != 0; ++k) queue->row[k] = queue->row[0];
+    rays_.Prepare(job_.rays, frame_, queue->row, queue->size);
+    const std::uint64_t all = ~std::uint64_t{0} >> (64 - queue->size);
+    const std::uint64_t usual = rays_.usual & all;
+    std::uint64_t searched = usual & rays_.MeetRoot(tree_, queue->size);
+    for (std::size_t k = 0; k < queue->size; ++k) {
+      if ((searched >> k & 1u) != 0) {
+        const LocalRay local = rays_.Extract(k, &search_[k].cull);
+        BeginUsualSearch(job_, frame_, local, queue->row[k], &search_[k]);
+      } else if ((usual >> k & 1u) != 0) {
+        AnswerWithoutSearch(job_, queue->row[k], true);
+        continue;
+      } else if (BeginSearch(job_, frame_, queue->row[k], &search_[k])) {
+        rays_.Insert(k, search_[k].cull);
+        searched |= std::uint64_t{1} << k;
+      } else {
+        continue;
+      }
+      rays_.exit[k] = std::min(rays_.exit[k], kFar);
+      rays_.enter[k] = std::max(rays_.enter[k], -kFar);
+    }
+    return searched;
+  }
+
+  void Traverse(unsigned octant, std::uint64_t live) {  // live: rays that still want an answer
+    std::size_t size = 0;
+    Push(-std::numeric_limits<float>::infinity(), tree_.root, live, size++);
+    while (size != 0) {
+      --size;
+      std::uint64_t active = active_[size] & live;
+      if (active == 0) continue;
+      if (job_.poll->Spend(kTogetherWork)) return;
+      if ((active & (active - 1)) == 0 && enter_[size] > rays_.exit[__builtin_ctzll(active)]) {
+        continue;
+      }
+      const std::uint32_t child = child_[size];
+      if ((child & WideChild::kLeafBit) != 0) {
+        TestLeaf(child & ~WideChild::kLeafBit, active, &live);
+        if (kAny && live == 0) return;
+        continue;
+      }
+      const std::size_t size_before = size;
+      const WideNode& node = tree_.nodes[child];
+      size = (active & (active - 1)) == 0 ? StepAlone(node, octant, active, size)
+                                          : StepTogether(node, octant, active, size);
+      if (job_.prefetch) {
+        for (std::size_t i = size; i-- > size_before;) PrefetchChild(tree_, child_[i]);
+      }
+    }
+  }
+
+  KDRAY_INLINE void Push(float enter, std::uint32_t child, std::uint64_t active, std::size_t at) {
+    enter_[at] = enter;
+    child_[at] = child;
+    active_[at] = active;
+  }
+
+  // A node's eight planes that rays of the octant meet first, or last.
+  KDRAY_INLINE static const float* Planes(const WideNode& node, unsigned octant, unsigned axis,
+                                          bool far) {
+    const bool negative = (octant >> axis & 1u) != 0;
+    return negative != far ? node.high[axis] : node.low[axis];
+  }
+
+  // Pushes the children that rays meet, the farthest first.
+  KDRAY_INLINE std::size_t StepTogether(const WideNode& node, unsigned octant, std::uint64_t active,
+                                        std::size_t size) {
+    F8 near_planes[3], far_planes[3];
+    for (unsigned axis = 0; axis < 3; ++axis) {
+      near_planes[axis] = Load(Planes(node, octant, axis, false));
+      far_planes[axis] = Load(Planes(node, octant, axis, true));
+    }
+    alignas(64) std::uint8_t met[64];  // by ray: a bit for each child
+    for (std::uint64_t rays = active; rays != 0; rays &= rays - 1) {
+      const auto k = static_cast<std::size_t>(__builtin_ctzll(rays));
+      F8 near = Set8(rays_.enter[k]);
+      F8 far = Set8(rays_.exit[k]);
+      for (int axis = 0; axis < 3; ++axis) {
+        const F8 inverse = Set8(rays_.inverse[axis][k]);
+        const F8 origin = Set8(rays_.origin_inverse[axis][k]);
+        near = Max(near, MulSub(near_planes[axis], inverse, origin));
+        far = Min(far, MulSub(far_planes[axis], inverse, origin));
+      }
+      met[k] = static_cast<std::uint8_t>(Bits(LessEqual(near, far)));
+    }
+    std::uint32_t order = node.order[octant];
+    for (std::size_t i = 0; i < WideNode::kWidth; ++i, order >>= 4) {
+      const std::uint32_t c = order & 7u;
+      const std::uint64_t rays = BitOfBytes(met, c) & active;
+      // Written in any case, kept if met: a branch could not be foretold.
+      Push(-std::numeric_limits<float>::infinity(), node.child[c], rays, size);
+      size += rays != 0 ? 1 : 0;
+    }
+    return size;
+  }
+
+  KDRAY_INLINE std::size_t StepAlone(const WideNode& node, unsigned octant, std::uint64_t active,
+                                     std::size_t size) {
+    const auto ray = static_cast<std::size_t>(__builtin_ctzll(active));
+    const NodeStep step = Intersect(
+        node, octant, [&](unsigned axis) KDRAY_LAMBDA { return Planes(node, octant, axis, false); },
+        [&](unsigned axis) KDRAY_LAMBDA { return Planes(node, octant, axis, true); },
+        [&](int axis) KDRAY_LAMBDA { return rays_.inverse[axis][ray]; },
+        [&](int axis) KDRAY_LAMBDA { return rays_.origin_inverse[axis][ray]; }, rays_.enter[ray],
+        rays_.exit[ray]);
+    Store(Compress(step.met, step.enter), &enter_[size]);
+    Store(Compress(step.met, step.child), &child_[size]);
+    for (std::size_t i = 0; i < WideNode::kWidth; ++i) active_[size + i] = active;
+    return size + static_cast<std::size_t>(__builtin_popcount(step.met));
+  }
+
+  KDRAY_INLINE void TestLeaf(std::uint32_t number, std::uint64_t active, std::uint64_t* live) {
+    for (;; ++number) {
+      const LeafBlock& block = tree_.blocks[number];
+      const BlockFilter filter(block);
+      struct {
+        std::uint8_t ray, lanes;
+      } candidates[kRays];
+      std::size_t count = 0;
+      for (std::uint64_t rays = active; rays != 0; rays &= rays - 1) {
+        const auto k = static_cast<std::size_t>(__builtin_ctzll(rays));
+        const float origin[3] = {rays_.origin[0][k], rays_.origin[1][k], rays_.origin[2][k]};
+        const float direction[3] = {rays_.direction[0][k], rays_.direction[1][k],
+                                    rays_.direction[2][k]};
+        const unsigned lanes = filter.Lanes(origin, direction, rays_.enter[k], rays_.exit[k]);
+        // Written in any case, kept if there are any: a branch could not be foretold.
+        candidates[count] = {static_cast<std::uint8_t>(k), static_cast<std::uint8_t>(lanes)};
+        count += lanes != 0 ? 1 : 0;
+      }
+      for (std::size_t i = 0; i < count; ++i) {
+        const std::size_t k = candidates[i].ray;
+        Search& search = search_[k];
+        search.Test(job_, block, candidates[i].lanes);
+        rays_.exit[k] = std::min(rays_.exit[k], search.cull.exit);
+        if (kAny && search.found) {
+          *live &= ~(std::uint64_t{1} << k);
+          active &= ~(std::uint64_t{1} << k);
+        }
+      }
+      if (block.IsLast() || active == 0 || job_.poll->Spend(kTogetherWork)) return;
+    }
+  }
+
+  const EngineJob& job_;
+  const WideTree& tree_;
+  const FrameVectors frame_;
+  // The stack.
+  std::vector<float> enter_;           // where the first ray enters, if it is the only one
+  std::vector<std::uint32_t> child_;   // what
+  std::vector<std::uint64_t> active_;  // a bit for each ray
+  Queue queues_[8];
+  // Of the rays under way.
+  PreparedRays rays_;
+  Search search_[kRays];
+  typename Search::Answers answers_;
+};
+
+template <class Search, bool kAny>
+void TraceByHybrid(const EngineJob& job, std::size_t first, std::size_t last) {
+  if (job.tree->root == WideChild::kEmpty) {
+    return TraceByWave<Search, kAny>(job, first, last);
+  }
+  const auto hybrid = std::make_unique<Hybrid<Search, kAny>>(job);
+  hybrid->Run(first, last);
+}
+
+}  // namespace kdray::core::KDRAY_ISA
+KDRAY_END_ISA();

@@ -1,0 +1,88 @@
+#include "core/library/parse_mesh.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+namespace kdray::core {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+// `text` is freed once it is parsed, if it owns anything.
+Result<PreparedMesh> Prepare(std::span<const std::byte> bytes, std::vector<std::byte> text,
+                             const CancelToken& cancel, const OnMeshCounts& on_counts) {
+  const auto start = SteadyClock::now();
+  MeshFacts facts;
+  facts.file_bytes = bytes.size();
+  Result<MeshData> data = ReadMesh(bytes, MeshReadOptions{cancel, on_counts});
+  text = std::vector<std::byte>();
+  if (!data.ok()) return std::move(data).error();
+  Result<TriangleMesh> mesh = TriangleMesh::Create(*data, cancel);
+  if (!mesh.ok()) return std::move(mesh).error();
+  data->triangles = std::vector<TriangleIndices>();  // the mesh has its own
+  const Result<MeshHealth> health = CheckHealth(*mesh, *data, cancel);
+  if (!health.ok()) return health.error();
+
+  facts.format = data->format;
+  facts.triangles = mesh->triangle_count();
+  facts.dropped = data->dropped;
+  facts.vertices = mesh->vertex_count();
+  facts.bounds = mesh->bounds();
+  facts.health = *health;
+  facts.double_vertices = mesh->has_double_vertices();
+  facts.wider_than_declared = data->wider_than_declared;
+  facts.frame = mesh->frame();
+  facts.rounded_vertices = mesh->has_rounded_vertices();
+  facts.shortest_edge = mesh->shortest_edge();
+  facts.memory_bytes = mesh->bytes();
+  facts.parse_ms = std::chrono::duration<double, std::milli>(SteadyClock::now() - start).count();
+  return PreparedMesh{std::move(facts), *std::move(mesh)};
+}
+
+constexpr std::uint64_t BytesOfMesh(const MeshCounts& counts, std::uint64_t vertex_bytes) {
+  return counts.vertices * vertex_bytes + counts.triangles * sizeof(TriangleIndices) +
+         counts.triangles / 8;
+}
+
+// Of CheckHealth.
+constexpr std::uint64_t HealthScratchBytes(const MeshCounts& counts) {
+  return 10 * counts.vertices + std::max(counts.vertices / 8, 8 * counts.triangles);
+}
+
+}  // namespace
+
+Result<PreparedMesh> PrepareMesh(std::vector<std::byte> bytes, const CancelToken& cancel,
+                                 const OnMeshCounts& on_counts) {
+  const std::span<const std::byte> all = bytes;  // stays where it is when the vector is moved
+  return Prepare(all, std::move(bytes), cancel, on_counts);
+}
+
+Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelToken& cancel) {
+  return Prepare(bytes, {}, cancel, {});
+}
+
+// Three phases, of which each ends before the next begins: the file's bytes with what is read from
+// them; what was read with the mesh made from it; the mesh with the vertices that were read and the
+// scratch of its health.
+std::uint64_t PreparePeakBytes(std::uint64_t file_bytes, const MeshCounts& counts) {
+  constexpr std::uint64_t kFixed = 64 << 10;
+  const std::uint64_t vertices = counts.vertices * sizeof(Vec3d);
+  const std::uint64_t triangles = counts.triangles * sizeof(TriangleIndices);
+  // Arrays whose claim is large begin with twice the file's bytes (core/io/claimed_rows.h).
+  const auto growth = [&](std::uint64_t bytes) {
+    return bytes > 2 * file_bytes ? 2 * file_bytes : 0;
+  };
+  const std::uint64_t reading = file_bytes + counts.ReadBytes() + counts.vertices / 8 +
+                                std::max(growth(vertices), growth(triangles));
+  const std::uint64_t mesh = BytesOfMesh(counts, sizeof(Vec3d));
+  const std::uint64_t creating = vertices + triangles + counts.vertices / 8 + mesh;
+  const std::uint64_t judging = vertices + mesh + HealthScratchBytes(counts);
+  return kFixed + std::max({reading, creating, judging});
+}
+
+std::uint64_t LeastMeshBytes(const MeshCounts& counts) {
+  return BytesOfMesh(counts, sizeof(Vec3f));
+}
+
+}  // namespace kdray::core
