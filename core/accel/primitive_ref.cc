@@ -19,16 +19,16 @@ Bounds3f BoundsOf(std::span<const Vec3d> vertices, const TriangleIndices& corner
 
 }  // namespace
 
-ReferenceArray MakeReferences(const TriangleMesh& mesh, BuildMonitor* monitor) {
-  ReferenceArray references(mesh.triangle_count());
+PrimitiveRefArray MakePrimitiveRefs(const TriangleMesh& mesh, BuildMonitor* monitor) {
+  PrimitiveRefArray references(mesh.triangle_count());
   mesh.VisitVertices([&](auto vertices) {
     ParallelFor(0, references.size(), kReferenceChunk, [&](std::size_t first, std::size_t last) {
       if (monitor != nullptr && monitor->ShouldStop()) return;
       for (std::size_t i = first; i < last; ++i) {
         const PrimitiveId id = static_cast<PrimitiveId>(i);
         references.data()[i] = mesh.IsDegenerate(id)
-                                   ? Reference{Bounds3f::Empty(), kNoPrimitive}
-                                   : Reference{BoundsOf(vertices, mesh.triangles()[i]), id};
+                                   ? PrimitiveRef{Bounds3f::Empty(), kNoPrimitive}
+                                   : PrimitiveRef{BoundsOf(vertices, mesh.triangles()[i]), id};
       }
     });
   });
@@ -36,7 +36,7 @@ ReferenceArray MakeReferences(const TriangleMesh& mesh, BuildMonitor* monitor) {
     CancelPoll poll = monitor != nullptr ? monitor->MakePoll() : CancelPoll(CancelToken());
     std::size_t kept = 0;
     PolledLoop(references.size(), 4, &poll, [&](std::size_t i) {
-      const Reference& reference = references.data()[i];
+      const PrimitiveRef& reference = references.data()[i];
       if (reference.id != kNoPrimitive) references.data()[kept++] = reference;
     });
     references.Shorten(kept);
@@ -44,11 +44,11 @@ ReferenceArray MakeReferences(const TriangleMesh& mesh, BuildMonitor* monitor) {
   return references;
 }
 
-Bounds3f UnionBounds(std::span<const Reference> references, BuildMonitor* monitor) {
+Bounds3f UnionBounds(std::span<const PrimitiveRef> references, BuildMonitor* monitor) {
   if (references.size() <= kReferenceChunk) {
     Float4 low = Fill4(std::numeric_limits<float>::infinity());
     Float4 high = -low;
-    for (const Reference& reference : references) {
+    for (const PrimitiveRef& reference : references) {
       low = Min4(low, LowOf(reference));
       high = Max4(high, HighOf(reference));
     }

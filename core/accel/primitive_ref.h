@@ -20,59 +20,60 @@
 namespace kdray::core {
 
 /// A triangle in a node.
-struct Reference {
+struct PrimitiveRef {
   Bounds3f bounds;  ///< contains the triangle, or the part of it in the node's (closed) cell
   PrimitiveId id = kNoPrimitive;
-  friend bool operator==(const Reference&, const Reference&) = default;
+  friend bool operator==(const PrimitiveRef&, const PrimitiveRef&) = default;
 };
 
 /// The ends of a reference's bounds on the three axes; the fourth lane means nothing.
-inline Float4 LowOf(const Reference& reference) { return Load4(&reference); }
-inline Float4 HighOf(const Reference& reference) {
-  static_assert(sizeof(Reference) == 28 && offsetof(Reference, bounds.max) == 12);
+inline Float4 LowOf(const PrimitiveRef& reference) { return Load4(&reference); }
+inline Float4 HighOf(const PrimitiveRef& reference) {
+  static_assert(sizeof(PrimitiveRef) == 28 && offsetof(PrimitiveRef, bounds.max) == 12);
   return Load4(reinterpret_cast<const char*>(&reference) + 12);
 }
 
 /// Copies a reference, given its ends.
-inline void StoreReference(Float4 low, Float4 high, Reference* to) {
+inline void StorePrimitiveRef(Float4 low, Float4 high, PrimitiveRef* to) {
   std::memcpy(static_cast<void*>(to), &low, sizeof low);
   std::memcpy(static_cast<void*>(reinterpret_cast<char*>(to) + 12), &high, sizeof high);
 }
 
 /// Room for references that are written before they are read: unlike a vector it does not fill them
 /// first, on one thread, which for large nodes takes as long as the work itself.
-class ReferenceArray {
+class PrimitiveRefArray {
  public:
-  ReferenceArray() = default;
-  explicit ReferenceArray(std::size_t size)
-      : references_(static_cast<Reference*>(AllocateHuge(size * sizeof(Reference)))), size_(size) {}
+  PrimitiveRefArray() = default;
+  explicit PrimitiveRefArray(std::size_t size)
+      : references_(static_cast<PrimitiveRef*>(AllocateHuge(size * sizeof(PrimitiveRef)))),
+        size_(size) {}
 
-  Reference* data() { return references_.get(); }
-  const Reference* data() const { return references_.get(); }
+  PrimitiveRef* data() { return references_.get(); }
+  const PrimitiveRef* data() const { return references_.get(); }
   std::size_t size() const { return size_; }
   bool empty() const { return size_ == 0; }
-  Reference* begin() { return data(); }
-  Reference* end() { return data() + size_; }
-  const Reference* begin() const { return data(); }
-  const Reference* end() const { return data() + size_; }
+  PrimitiveRef* begin() { return data(); }
+  PrimitiveRef* end() { return data() + size_; }
+  const PrimitiveRef* begin() const { return data(); }
+  const PrimitiveRef* end() const { return data() + size_; }
   void Shorten(std::size_t size) { size_ = size; }
 
  private:
   struct Free {
-    void operator()(Reference* references) const { FreeHuge(references); }
+    void operator()(PrimitiveRef* references) const { FreeHuge(references); }
   };
-  static_assert(std::is_trivially_copyable_v<Reference>);
+  static_assert(std::is_trivially_copyable_v<PrimitiveRef>);
 
-  std::unique_ptr<Reference, Free> references_;
+  std::unique_ptr<PrimitiveRef, Free> references_;
   std::size_t size_ = 0;
 };
 
 /// References of all triangles that are not degenerate, by ascending id; local coordinates, rounded
 /// outward. Anything once the monitor says stop; the same holds for what follows.
-ReferenceArray MakeReferences(const TriangleMesh& mesh, BuildMonitor* monitor = nullptr);
+PrimitiveRefArray MakePrimitiveRefs(const TriangleMesh& mesh, BuildMonitor* monitor = nullptr);
 
 /// The union of their bounds. Large spans are searched in parallel.
-Bounds3f UnionBounds(std::span<const Reference> references, BuildMonitor* monitor = nullptr);
+Bounds3f UnionBounds(std::span<const PrimitiveRef> references, BuildMonitor* monitor = nullptr);
 
 /// Work on many references is cut into pieces of this size, whatever the number of threads.
 inline constexpr std::size_t kReferenceChunk = 8192;
@@ -84,7 +85,7 @@ inline std::size_t ReferenceChunks(std::size_t references) {
 /// f(chunk, number) for each of the ReferenceChunks(), possibly at the same time, until the monitor
 /// says stop.
 template <class F>
-void ForEachReferenceChunk(std::span<const Reference> references, BuildMonitor* monitor,
+void ForEachReferenceChunk(std::span<const PrimitiveRef> references, BuildMonitor* monitor,
                            const F& f) {
   ParallelFor(0, ReferenceChunks(references.size()), 1, [&](std::size_t number, std::size_t) {
     if (monitor != nullptr && monitor->ShouldStop()) return;
@@ -95,7 +96,7 @@ void ForEachReferenceChunk(std::span<const Reference> references, BuildMonitor* 
 
 /// The sum of reduce(chunk) over all chunks, added up in order with T::Add.
 template <class T, class Reduce>
-T ReduceReferences(std::span<const Reference> references, BuildMonitor* monitor,
+T ReduceReferences(std::span<const PrimitiveRef> references, BuildMonitor* monitor,
                    const Reduce& reduce) {
   if (references.size() <= kReferenceChunk) return reduce(references);
   std::vector<T> parts(ReferenceChunks(references.size()));

@@ -125,7 +125,7 @@ std::uint64_t EstimateBuildBytes(std::size_t triangle_count, BuildKind kind) {
     case BuildKind::kBvh:
       // References, ids, and the nodes (two for each triangle) as pieces and as one.
       return kFixed + kWideFixed +
-             std::max(n * (sizeof(Reference) + sizeof(PrimitiveId) + 4 * sizeof(BvhNode)) +
+             std::max(n * (sizeof(PrimitiveRef) + sizeof(PrimitiveId) + 4 * sizeof(BvhNode)) +
                           serial * (3 * 2 * sizeof(BvhNode)),
                       n * kUsualWide);
     default:
@@ -139,18 +139,18 @@ std::uint64_t EstimateBuildBytes(std::size_t triangle_count, BuildKind kind) {
       2 * (sizeof(KdNode) + sizeof(Bounds3f)) / KdBuildLimits::kLeafWeight + sizeof(PrimitiveId);
   // In a large node at most 3/8 of the weight are references; they are there twice while they are
   // handed to the children. kd-cyclic sorts four lists of floats by way of a fifth.
-  constexpr std::uint64_t kLarge = kWeight * 3 / 8 * (2 * sizeof(Reference) + 5 * sizeof(float));
+  constexpr std::uint64_t kLarge = kWeight * 3 / 8 * (2 * sizeof(PrimitiveRef) + 5 * sizeof(float));
   // KdSubtreeBuilder: its stack, and the piece it makes; the references of one node on their way to
   // its children.
   constexpr std::uint64_t kSubtree =
-      3 * kWeight * (sizeof(Reference) + kFinished) + 2 * 2 * sizeof(Reference);
+      3 * kWeight * (sizeof(PrimitiveRef) + kFinished) + 2 * 2 * sizeof(PrimitiveRef);
   // SweepBuilder: slots, sides and six events; events of one node kept, and made anew; two more
   // while they are sorted.
   constexpr std::uint64_t kSweep =
-      3 * (kWeight * (sizeof(Reference) + 1 + 6 * sizeof(SplitEvent)) + 18 * sizeof(SplitEvent));
+      3 * (kWeight * (sizeof(PrimitiveRef) + 1 + 6 * sizeof(SplitEvent)) + 18 * sizeof(SplitEvent));
   const std::uint64_t scratch = serial * kSubtree +
                                 std::min(n, threads * KdBuildLimits::kSweepReferences) * kSweep +
-                                std::min(n, threads * kReferenceChunk) * 3 * sizeof(Reference);
+                                std::min(n, threads * kReferenceChunk) * 3 * sizeof(PrimitiveRef);
   const std::uint64_t splitting = n * std::max(kLarge, kWeight * kFinished) + scratch;
   // Then the scratch is gone and the pieces are put together.
   const std::uint64_t assembling = n * 2 * kWeight * kFinished;

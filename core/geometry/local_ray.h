@@ -5,7 +5,7 @@
 // Q of the triangle and reports Q's parameter t along the ray. Every cull (split plane, box) keeps
 // whatever lies within `pad` of the ray. So no structure can lose a triangle that the leaf test
 // would accept, and the closest hit, the minimum of (t, id) over all accepted triangles, is the
-// same for every structure, engine and SIMD width. DESIGN.md, decision 5, has the proof and the
+// same for every structure, kernel and SIMD width. DESIGN.md, decision 5, has the proof and the
 // size of `pad` for each precision.
 #pragma once
 

@@ -49,15 +49,15 @@ decltype(auto) VisitIntersection(const TriangleMesh& mesh, Precision precision, 
         };
         switch (precision) {
           case Precision::kFast:
-            return with(IntersectionTag<FastTest>());
+            return with(IntersectionTag<FastIntersection>());
           case Precision::kWatertight:
-            return with(IntersectionTag<WatertightTest<float>>());
+            return with(IntersectionTag<WatertightIntersection<float>>());
           case Precision::kDouble:
-            return with(IntersectionTag<WatertightTest<double>>());
+            return with(IntersectionTag<WatertightIntersection<double>>());
           case Precision::kExact:
             break;
         }
-        return with(IntersectionTag<ExactTest>());
+        return with(IntersectionTag<ExactIntersection>());
       });
 }
 

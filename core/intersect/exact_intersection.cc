@@ -42,13 +42,14 @@ struct ExactParameter {
   Dyadic numerator, denominator;
 };
 
-ExactParameter ParameterOf(const LocalRay& ray, const ExactTest::Corners& triangle) {
+ExactParameter ParameterOf(const LocalRay& ray, const ExactIntersection::Corners& triangle) {
   const DyadicVec3 a = Exactly(triangle[0]);
   const DyadicVec3 normal = Cross(Exactly(triangle[1]) - a, Exactly(triangle[2]) - a);
   return {Dot(normal, a - ExactOrigin(ray)), Dot(normal, ExactDirection(ray))};
 }
 
-int CompareExactly(const LocalRay& ray, const ExactTest::Corners& a, const ExactTest::Corners& b) {
+int CompareExactly(const LocalRay& ray, const ExactIntersection::Corners& a,
+                   const ExactIntersection::Corners& b) {
   const ExactParameter ta = ParameterOf(ray, a);
   const ExactParameter tb = ParameterOf(ray, b);
   const int difference = (ta.numerator * tb.denominator - tb.numerator * ta.denominator).Sign();
@@ -58,7 +59,7 @@ int CompareExactly(const LocalRay& ray, const ExactTest::Corners& a, const Exact
 /// A quotient of the caller's t, as it is answered.
 double AsAnswered(double t) { return ToCallerT(t, 0); }
 
-double ExactT(const LocalRay& ray, const ExactTest::Corners& triangle) {
+double ExactT(const LocalRay& ray, const ExactIntersection::Corners& triangle) {
   const ExactParameter t = ParameterOf(ray, triangle);
   return AsAnswered(Dyadic::Quotient(t.numerator, t.denominator));
 }
@@ -74,7 +75,7 @@ struct Weights {
   double u, v;
 };
 /// With the names of RoundedRay::Solve.
-Weights ExactWeights(const LocalRay& ray, const ExactTest::Corners& triangle) {
+Weights ExactWeights(const LocalRay& ray, const ExactIntersection::Corners& triangle) {
   const DyadicVec3 a = Exactly(triangle[0]), d = ExactDirection(ray);
   const DyadicVec3 e = Exactly(triangle[1]) - a, f = Exactly(triangle[2]) - a;
   const DyadicVec3 g = ExactOrigin(ray) - a;
@@ -84,7 +85,7 @@ Weights ExactWeights(const LocalRay& ray, const ExactTest::Corners& triangle) {
 }
 
 /// The corner that a hit meets, or -1.
-int CornerMet(const ExactTest::Hit& hit) {
+int CornerMet(const ExactIntersection::Hit& hit) {
   for (int corner = 0; corner < 3; ++corner) {
     const auto others = [&](int k) { return hit.on_edge[static_cast<std::size_t>(k)]; };
     if (others((corner + 1) % 3) && others((corner + 2) % 3)) return corner;
@@ -92,14 +93,15 @@ int CornerMet(const ExactTest::Hit& hit) {
   return -1;
 }
 /// The edge that a hit meets, by the corner opposite, or -1.
-int EdgeMet(const ExactTest::Hit& hit) {
+int EdgeMet(const ExactIntersection::Hit& hit) {
   return hit.on_edge[0] ? 0 : hit.on_edge[1] ? 1 : hit.on_edge[2] ? 2 : -1;
 }
 
 /// True only if two triangles are hit at one t because of corners that they share: the corner that
 /// is hit, the ends of the edge that is hit, or all three.
-bool ShareWhatIsHit(const ExactTest::Hit& hit, const ExactTest::Corners& corners,
-                    const ExactTest::Hit& other, const ExactTest::Corners& other_corners) {
+bool ShareWhatIsHit(const ExactIntersection::Hit& hit, const ExactIntersection::Corners& corners,
+                    const ExactIntersection::Hit& other,
+                    const ExactIntersection::Corners& other_corners) {
   const auto at = [&](int k) { return corners[static_cast<std::size_t>(k % 3)]; };
   const auto other_at = [&](int k) { return other_corners[static_cast<std::size_t>(k % 3)]; };
   const int corner = CornerMet(hit), other_corner = CornerMet(other);
@@ -119,7 +121,7 @@ bool ShareWhatIsHit(const ExactTest::Hit& hit, const ExactTest::Corners& corners
 
 }  // namespace
 
-ExactTest::ExactTest(const LocalRay& ray)
+ExactIntersection::ExactIntersection(const LocalRay& ray)
     : ray_(ray),
       rounded_(ray),
       t_min_(RoundedRay::BoundOf(ray.t_min, ray)),
@@ -133,15 +135,17 @@ ExactTest::ExactTest(const LocalRay& ray)
   }
 }
 
-inline auto ExactTest::EdgeVolume(const RoundedRay::Relative& p, const RoundedRay::Relative& q,
-                                  const Vec3d& p_exact, const Vec3d& q_exact) const -> Volume {
+inline auto ExactIntersection::EdgeVolume(const RoundedRay::Relative& p,
+                                          const RoundedRay::Relative& q, const Vec3d& p_exact,
+                                          const Vec3d& q_exact) const -> Volume {
   const auto [value, error] = rounded_.EdgeVolume(p, q);
   if (std::fabs(value) > error) return {value > 0 ? 1 : -1, value, error};
   return EdgeVolumeInDoubt(p, q, p_exact, q_exact);
 }
 
-auto ExactTest::EdgeVolumeInDoubt(const RoundedRay::Relative& p, const RoundedRay::Relative& q,
-                                  const Vec3d& p_exact, const Vec3d& q_exact) const -> Volume {
+auto ExactIntersection::EdgeVolumeInDoubt(const RoundedRay::Relative& p,
+                                          const RoundedRay::Relative& q, const Vec3d& p_exact,
+                                          const Vec3d& q_exact) const -> Volume {
   if (CancelsOut(p, q, p_exact, q_exact)) return {0, 0, 0};
   const BoundedNumber volume = rounded_.EdgeVolume(p_exact, q_exact);
   const double value = volume.value.high;
@@ -155,8 +159,8 @@ auto ExactTest::EdgeVolumeInDoubt(const RoundedRay::Relative& p, const RoundedRa
   return {exact.Sign(), value, 2 * volume.error};
 }
 
-bool ExactTest::CancelsOut(const RoundedRay::Relative& p, const RoundedRay::Relative& q,
-                           const Vec3d& p_exact, const Vec3d& q_exact) const {
+bool ExactIntersection::CancelsOut(const RoundedRay::Relative& p, const RoundedRay::Relative& q,
+                                   const Vec3d& p_exact, const Vec3d& q_exact) const {
   const auto is_exact = [&](const Vec3d& corner, int axis) {
     return is_axis_exact_[static_cast<std::size_t>(axis)] &&
            TwoDifference(corner[axis], rounded_.origin[axis]).low == 0;
@@ -181,7 +185,7 @@ bool ExactTest::CancelsOut(const RoundedRay::Relative& p, const RoundedRay::Rela
   return true;
 }
 
-bool ExactTest::Test(const Vec3d& a, const Vec3d& b, const Vec3d& c, Hit* hit) const {
+bool ExactIntersection::Test(const Vec3d& a, const Vec3d& b, const Vec3d& c, Hit* hit) const {
   const RoundedRay::Relative ra = rounded_.RelativeTo(a), rb = rounded_.RelativeTo(b),
                              rc = rounded_.RelativeTo(c);
   const Volume wa = EdgeVolume(rb, rc, b, c);
@@ -215,7 +219,8 @@ bool ExactTest::Test(const Vec3d& a, const Vec3d& b, const Vec3d& c, Hit* hit) c
   return true;
 }
 
-bool ExactTest::OwnsCrossing(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Hit& hit) const {
+bool ExactIntersection::OwnsCrossing(const Vec3d& a, const Vec3d& b, const Vec3d& c,
+                                     const Hit& hit) const {
   return (!hit.on_edge[0] || MovedSign(b, c) == hit.side) &&
          (!hit.on_edge[1] || MovedSign(c, a) == hit.side) &&
          (!hit.on_edge[2] || MovedSign(a, b) == hit.side);
@@ -224,7 +229,7 @@ bool ExactTest::OwnsCrossing(const Vec3d& a, const Vec3d& b, const Vec3d& c, con
 // With the origin moved by m, the volume direction . ((p - origin) x (q - origin)) grows by
 // m . ((p - q) x direction). For m = (e, e^2, e^3) the first component of the product that is not 0
 // decides.
-int ExactTest::MovedSign(const Vec3d& p, const Vec3d& q) const {
+int ExactIntersection::MovedSign(const Vec3d& p, const Vec3d& q) const {
   const Vec3d edge = p - q;
   const Vec3d& d = ray_.direction;
   const Vec3d& given = ray_.given->direction;
@@ -247,8 +252,8 @@ int ExactTest::MovedSign(const Vec3d& p, const Vec3d& q) const {
   return 0;
 }
 
-int ExactTest::CompareInDoubt(const Hit& hit, const Corners& corners, const Hit& other,
-                              const Corners& other_corners) const {
+int ExactIntersection::CompareInDoubt(const Hit& hit, const Corners& corners, const Hit& other,
+                                      const Corners& other_corners) const {
   if (ShareWhatIsHit(hit, corners, other, other_corners)) return 0;
   const BoundedNumber s = rounded_.Solve(corners[0], corners[1], corners[2]).s;
   const BoundedNumber other_s =
@@ -259,7 +264,7 @@ int ExactTest::CompareInDoubt(const Hit& hit, const Corners& corners, const Hit&
 }
 
 // Above 2^-1022, where it is not rounded twice.
-double ExactTest::RoundT(const BoundedNumber& s, const Corners& corners) const {
+double ExactIntersection::RoundT(const BoundedNumber& s, const Corners& corners) const {
   double along = 0;
   if (RoundsTo(rounded_.Along(s), &along)) {
     const double t = ToCallerT(along, ray_.exponent);
@@ -268,11 +273,11 @@ double ExactTest::RoundT(const BoundedNumber& s, const Corners& corners) const {
   return ExactT(ray_, corners);
 }
 
-double ExactTest::FindT(const Corners& corners) const {
+double ExactIntersection::FindT(const Corners& corners) const {
   return RoundT(rounded_.Solve(corners[0], corners[1], corners[2]).s, corners);
 }
 
-core::Hit ExactTest::Answer(PrimitiveId id, const Corners& corners) const {
+core::Hit ExactIntersection::Answer(PrimitiveId id, const Corners& corners) const {
   const RoundedRay::Solution found = rounded_.Solve(corners[0], corners[1], corners[2]);
   core::Hit answer;
   answer.t = RoundT(found.s, corners);

@@ -33,7 +33,7 @@ namespace kdray::core {
 ///  5. Everything above depends on the ray and the triangles alone.
 /// Sources: Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric
 /// Predicates", 1997 (the filter of orient3d); Joldes et al. 2017 (the middle stage).
-class ExactTest {
+class ExactIntersection {
  public:
   using Number = double;
   using Corners = std::array<Vec3d, 3>;
@@ -49,7 +49,7 @@ class ExactTest {
   };
 
   /// Takes rays of MakeRay only.
-  explicit ExactTest(const LocalRay& ray);
+  explicit ExactIntersection(const LocalRay& ray);
   static std::optional<LocalRay> MakeRay(const Ray& ray, const MeshFrame& frame) {
     return MakeExactLocalRay(ray, frame);
   }

@@ -1,6 +1,6 @@
 // What the precision `exact` does in rounded arithmetic, with bounds on the errors: in double for
 // the signs of most triangles, in double-double for the rest and for the numbers of an answer. The
-// engines do the same in vectors (core/kernel/simd/exact-inl.h, exact_hits-inl.h).
+// kernels do the same in vectors (core/kernel/simd/exact-inl.h, exact_hits-inl.h).
 #pragma once
 
 #include <algorithm>

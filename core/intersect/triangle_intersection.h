@@ -1,4 +1,4 @@
-// The one test per precision that decides whether a ray hits a triangle, and where. Engines only
+// The one test per precision that decides whether a ray hits a triangle, and where. Kernels only
 // choose which triangles come here. A test reads nothing but the ray and the triangle, in a fixed
 // order of operations, so its answer depends on nothing else. Compiled without contraction into
 // fused operations (cmake/KdrayTarget.cmake).
@@ -16,7 +16,7 @@
 namespace kdray::core {
 
 /// Where a test found the ray to hit. `s` is the local parameter of LocalRay.
-struct LeafHit {
+struct TriangleHit {
   double s;
   double u, v;  ///< weights of the second and third corner
 };
@@ -36,21 +36,21 @@ class RoundedOrder {
 
   /// Orders by s + shift, which orders as t does but cannot overflow; at equality by id.
   template <class CornersOf>
-  bool IsCloser(const LeafHit& hit, PrimitiveId id, const LeafHit& best, PrimitiveId best_id,
-                const CornersOf&) const {
+  bool IsCloser(const TriangleHit& hit, PrimitiveId id, const TriangleHit& best,
+                PrimitiveId best_id, const CornersOf&) const {
     return Closer(hit.s + ray_.shift, id, best.s + ray_.shift, best_id);
   }
   template <class CornersOf>
-  bool IsInInterval(const LeafHit& hit, PrimitiveId, const CornersOf&) const {
+  bool IsInInterval(const TriangleHit& hit, PrimitiveId, const CornersOf&) const {
     const double t = CallerT(hit);
     return t >= ray_.t_min && t <= ray_.t_max;
   }
-  double CallerT(const LeafHit& hit) const { return ray_.ToCallerT(hit.s); }
+  double CallerT(const TriangleHit& hit) const { return ray_.ToCallerT(hit.s); }
   /// The local parameter beyond which nothing is closer than a hit. Different s can round to one t:
   /// a triangle that ties with the hit may begin a little later.
-  double Limit(const LeafHit& hit) const { return hit.s + std::fabs(ray_.shift) * 0x1p-50; }
+  double Limit(const TriangleHit& hit) const { return hit.s + std::fabs(ray_.shift) * 0x1p-50; }
   template <class CornersOf>
-  core::Hit Finish(const LeafHit& hit, PrimitiveId id, const CornersOf&) const {
+  core::Hit Finish(const TriangleHit& hit, PrimitiveId id, const CornersOf&) const {
     return {CallerT(hit), hit.u, hit.v, id};
   }
 
@@ -80,16 +80,16 @@ struct CornerWeights {
 ///  4. A ray that lies in the triangle's plane misses. NaN corners miss.
 ///  5. s, u, v come from double arithmetic in both forms.
 template <class T>
-class WatertightTest : public RoundedOrder {
+class WatertightIntersection : public RoundedOrder {
  public:
   using Number = T;
-  using Hit = LeafHit;
+  using Hit = TriangleHit;
   static constexpr double kPad = sizeof(T) == sizeof(float) ? kFloatPad : kDoublePad;
 
-  explicit WatertightTest(const LocalRay& ray);
+  explicit WatertightIntersection(const LocalRay& ray);
   double pad() const { return kPad; }
 
-  bool Test(const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& c, LeafHit* hit) const;
+  bool Test(const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& c, TriangleHit* hit) const;
 
  private:
   /// A corner as the ray sees it: the ray runs along the third axis through (0, 0).
@@ -114,21 +114,21 @@ class WatertightTest : public RoundedOrder {
 /// a check that the point on the ray and the point on the triangle agree (property 3 above). Where
 /// they do not, as on needles and at grazing angles, the double test decides: without that a
 /// triangle could be "hit" far from where it is, and the answer would depend on which triangles an
-/// engine offers. It promises nothing at edges: neighbours may both miss.
-class FastTest : public RoundedOrder {
+/// kernel offers. It promises nothing at edges: neighbours may both miss.
+class FastIntersection : public RoundedOrder {
  public:
   using Number = float;
-  using Hit = LeafHit;
+  using Hit = TriangleHit;
   static constexpr double kPad = kFloatPad;
 
-  explicit FastTest(const LocalRay& ray)
+  explicit FastIntersection(const LocalRay& ray)
       : RoundedOrder(ray), origin_(ray.origin), direction_(ray.direction) {}
   double pad() const { return kPad; }
   /// How far apart the two points may be: half of kPad; the other half is for the rounding of the
   /// check itself.
   static constexpr float kTolerance = 0x1p-18f;
 
-  bool Test(const Vec3f& a, const Vec3f& b, const Vec3f& c, LeafHit* hit) const;
+  bool Test(const Vec3f& a, const Vec3f& b, const Vec3f& c, TriangleHit* hit) const;
 
  private:
   Vec3f origin_, direction_;
@@ -137,7 +137,7 @@ class FastTest : public RoundedOrder {
 // ---- Implementation ----
 
 template <class T>
-WatertightTest<T>::WatertightTest(const LocalRay& ray)
+WatertightIntersection<T>::WatertightIntersection(const LocalRay& ray)
     : RoundedOrder(ray), origin_(ray.origin), origin_double_(ray.origin) {
   const Vec3d size{std::fabs(ray.direction.x), std::fabs(ray.direction.y),
                    std::fabs(ray.direction.z)};
@@ -152,27 +152,27 @@ WatertightTest<T>::WatertightTest(const LocalRay& ray)
 }
 
 template <class T>
-auto WatertightTest<T>::Project(const Vec3<T>& corner) const -> Projected<T> {
+auto WatertightIntersection<T>::Project(const Vec3<T>& corner) const -> Projected<T> {
   const T z = corner[z_axis_] - origin_[z_axis_];
   return {(corner[x_axis_] - origin_[x_axis_]) - shear_x_ * z,
           (corner[y_axis_] - origin_[y_axis_]) - shear_y_ * z};
 }
 
 template <class T>
-auto WatertightTest<T>::ProjectDouble(const Vec3<T>& corner) const -> Projected<double> {
+auto WatertightIntersection<T>::ProjectDouble(const Vec3<T>& corner) const -> Projected<double> {
   const double z = static_cast<double>(corner[z_axis_]) - origin_double_[z_axis_];
   return {(static_cast<double>(corner[x_axis_]) - origin_double_[x_axis_]) - shear_x_double_ * z,
           (static_cast<double>(corner[y_axis_]) - origin_double_[y_axis_]) - shear_y_double_ * z};
 }
 
 template <class T>
-double WatertightTest<T>::Along(const Vec3<T>& corner) const {
+double WatertightIntersection<T>::Along(const Vec3<T>& corner) const {
   return (static_cast<double>(corner[z_axis_]) - origin_double_[z_axis_]) * inverse_z_;
 }
 
 template <class T>
-bool WatertightTest<T>::WeightsOf(const Projected<double>& a, const Projected<double>& b,
-                                  const Projected<double>& c, CornerWeights* weights) {
+bool WatertightIntersection<T>::WeightsOf(const Projected<double>& a, const Projected<double>& b,
+                                          const Projected<double>& c, CornerWeights* weights) {
   *weights = {DifferenceOfProducts(c.x, b.y, c.y, b.x), DifferenceOfProducts(a.x, c.y, a.y, c.x),
               DifferenceOfProducts(b.x, a.y, b.y, a.x)};
   const bool any_negative = weights->a < 0 || weights->b < 0 || weights->c < 0;
@@ -181,8 +181,8 @@ bool WatertightTest<T>::WeightsOf(const Projected<double>& a, const Projected<do
 }
 
 template <class T>
-bool WatertightTest<T>::Test(const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& c,
-                             LeafHit* hit) const {
+bool WatertightIntersection<T>::Test(const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& c,
+                                     TriangleHit* hit) const {
   const Projected<T> pa = Project(a);
   const Projected<T> pb = Project(b);
   const Projected<T> pc = Project(c);
@@ -222,7 +222,8 @@ bool WatertightTest<T>::Test(const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& 
   return std::isfinite(hit->s);
 }
 
-inline bool FastTest::Test(const Vec3f& a, const Vec3f& b, const Vec3f& c, LeafHit* hit) const {
+inline bool FastIntersection::Test(const Vec3f& a, const Vec3f& b, const Vec3f& c,
+                                   TriangleHit* hit) const {
   const Vec3f edge_b = b - a;
   const Vec3f edge_c = c - a;
   const Vec3f p = Cross(direction_, edge_c);
@@ -239,7 +240,7 @@ inline bool FastTest::Test(const Vec3f& a, const Vec3f& b, const Vec3f& c, LeafH
 
   const Vec3f gap = (from_a + direction_ * s) - (edge_b * u + edge_c * v);
   if (!(MaxAbs(gap) <= kTolerance)) {
-    return WatertightTest<double>(ray()).Test(Vec3d(a), Vec3d(b), Vec3d(c), hit);
+    return WatertightIntersection<double>(ray()).Test(Vec3d(a), Vec3d(b), Vec3d(c), hit);
   }
   *hit = {static_cast<double>(s), static_cast<double>(u) + 0.0, static_cast<double>(v) + 0.0};
   return true;

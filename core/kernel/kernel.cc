@@ -3,46 +3,46 @@
 namespace kdray::core {
 
 namespace isa_baseline {
-EngineFunction Find(Engine engine, Precision precision, bool double_vertices, bool any);
+KernelFunction Find(KernelKind kernel, Precision precision, bool double_vertices, bool any);
 }
 #ifdef __x86_64__
 namespace isa_avx2 {
-EngineFunction Find(Engine engine, Precision precision, bool double_vertices, bool any);
+KernelFunction Find(KernelKind kernel, Precision precision, bool double_vertices, bool any);
 }
 namespace isa_avx512 {
-EngineFunction Find(Engine engine, Precision precision, bool double_vertices, bool any);
+KernelFunction Find(KernelKind kernel, Precision precision, bool double_vertices, bool any);
 }
 #endif
 
-std::string_view Name(Engine engine) {
-  switch (engine) {
-    case Engine::kWave:
-      return "wave";
-    case Engine::kHybrid:
-      return "hybrid";
-    case Engine::kFrustum:
+std::string_view Name(KernelKind kernel) {
+  switch (kernel) {
+    case KernelKind::kInterleaved:
+      return "interleaved";
+    case KernelKind::kStream:
+      return "stream";
+    case KernelKind::kFrustum:
       return "frustum";
   }
   return "";
 }
 
-EngineFunction FindEngine(SimdLevel level, Engine engine, Precision precision, bool double_vertices,
-                          bool any) {
+KernelFunction FindKernel(SimdLevel level, KernelKind kernel, Precision precision,
+                          bool double_vertices, bool any) {
   switch (level) {
     case SimdLevel::kBaseline:
       break;
 #ifdef __x86_64__
     case SimdLevel::kAvx2:
-      return isa_avx2::Find(engine, precision, double_vertices, any);
+      return isa_avx2::Find(kernel, precision, double_vertices, any);
     case SimdLevel::kAvx512:
-      return isa_avx512::Find(engine, precision, double_vertices, any);
+      return isa_avx512::Find(kernel, precision, double_vertices, any);
 #else
     case SimdLevel::kAvx2:
     case SimdLevel::kAvx512:
       break;
 #endif
   }
-  return isa_baseline::Find(engine, precision, double_vertices, any);
+  return isa_baseline::Find(kernel, precision, double_vertices, any);
 }
 
 }  // namespace kdray::core

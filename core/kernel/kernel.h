@@ -1,6 +1,6 @@
-// The engines: ways to take many rays through a wide tree at once. Each only culls; what a triangle
+// The kernels: ways to take many rays through a wide tree at once. Each only culls; what a triangle
 // answers comes from the one leaf test of the precision, bit for bit, be it computed lane by lane
-// or by a Judge.
+// or by a ScalarSearch.
 #pragma once
 
 #include <atomic>
@@ -20,21 +20,21 @@
 
 namespace kdray::core {
 
-/// What engines count for one ray (CancelPoll): for making it ready, for a step to a node's
+/// What kernels count for one ray (CancelPoll): for making it ready, for a step to a node's
 /// children, and for a block of triangles.
 inline constexpr std::uint64_t kBeginWork = 64;
 inline constexpr std::uint64_t kStepWork = 32;
 inline constexpr std::uint64_t kBlockWork = 64;
 
 /// What a stretch of rays is traced against, and where its answers go.
-struct EngineJob {
+struct KernelJob {
   const WideTree* tree = nullptr;
   const TriangleMesh* mesh = nullptr;
-  const Judge* judge = nullptr;
+  const ScalarSearch* scalar = nullptr;
   Precision precision = Precision::kWatertight;
   SimdLevel simd = SimdLevel::kBaseline;
-  Engine engine = Engine::kWave;
-  bool alike = false;     ///< neighbours resemble each other: what is no frustum goes by the hybrid
+  KernelKind kernel = KernelKind::kInterleaved;
+  bool alike = false;     ///< neighbours resemble each other: what is no frustum goes by the stream
   bool sort = false;      ///< bring rays that are alike together first
   bool prefetch = false;  ///< for trees that the second-level cache does not hold
 
@@ -49,17 +49,17 @@ struct EngineJob {
   CancelToken cancel;
   /// Set when the token stopped a block of rays; its rows and later ones then hold no answers.
   std::atomic<bool>* stopped = nullptr;
-  /// The meter of the thread that traces, which an engine asks once per step of its walk and once
+  /// The meter of the thread that traces, which a kernel asks once per step of its walk and once
   /// per block of triangles. TraceBlock sets it.
   CancelPoll* poll = nullptr;
 };
 
-/// Traces entries [first, last) of job.rows. Every engine gives the same answers. Leaves rows
+/// Traces entries [first, last) of job.rows. Every kernel gives the same answers. Leaves rows
 /// without one when job.poll stops it.
-using EngineFunction = void (*)(const EngineJob& job, std::size_t first, std::size_t last);
+using KernelFunction = void (*)(const KernelJob& job, std::size_t first, std::size_t last);
 
 /// Safe from many threads at once. The level must be supported.
-EngineFunction FindEngine(SimdLevel level, Engine engine, Precision precision, bool double_vertices,
-                          bool any);
+KernelFunction FindKernel(SimdLevel level, KernelKind kernel, Precision precision,
+                          bool double_vertices, bool any);
 
 }  // namespace kdray::core

@@ -1,4 +1,4 @@
-// Which engine takes which rays.
+// Which kernel takes which rays.
 #pragma once
 
 #include <cstddef>
@@ -12,16 +12,16 @@ namespace kdray::core {
 
 /// What a caller decides instead of the rays and the processor (TraceOptions).
 struct KernelOverrides {
-  std::optional<Engine> engine = {};
+  std::optional<KernelKind> kernel = {};
   std::optional<SimdLevel> simd = {};
   std::optional<bool> sort = {};
 };
 
 /// Fills in what the job's tree, rays and precision and the processor decide.
-void ChooseEngines(const KernelOverrides& overrides, EngineJob* job);
+void ChooseKernel(const KernelOverrides& overrides, KernelJob* job);
 
-/// Traces rows [first, last) by the engines that suit them, until job.cancel stops it: then sets
+/// Traces rows [first, last) by the kernels that suit them, until job.cancel stops it: then sets
 /// *job.stopped, and does nothing once that is set.
-void TraceBlock(const EngineJob& job, std::size_t first, std::size_t last);
+void TraceBlock(const KernelJob& job, std::size_t first, std::size_t last);
 
 }  // namespace kdray::core

@@ -1,4 +1,4 @@
-// The names of the engines (core/kernel/kernel.h).
+// The names of the kernels (core/kernel/kernel.h).
 #pragma once
 
 #include <array>
@@ -7,14 +7,15 @@
 
 namespace kdray::core {
 
-enum class Engine : std::uint8_t {
-  kWave,     ///< 16 rays in flight, each on its own: for rays that have nothing in common
-  kHybrid,   ///< packets of 16 that fall apart into single rays where they stop agreeing
-  kFrustum,  ///< packets of 64 that share their origin and stay close together
+enum class KernelKind : std::uint8_t {
+  kInterleaved,  ///< 16 rays in flight, each on its own: for rays that have nothing in common
+  kStream,       ///< up to 64 rays of one octant that go through the tree together
+  kFrustum,      ///< packets of 64 that share their origin and stay close together
 };
-inline constexpr std::array kAllEngines = {Engine::kWave, Engine::kHybrid, Engine::kFrustum};
+inline constexpr std::array kAllKernelKinds = {KernelKind::kInterleaved, KernelKind::kStream,
+                                               KernelKind::kFrustum};
 
-/// "wave", "hybrid", "frustum".
-std::string_view Name(Engine engine);
+/// "interleaved", "stream", "frustum".
+std::string_view Name(KernelKind kernel);
 
 }  // namespace kdray::core

@@ -10,45 +10,48 @@ namespace kdray::core {
 
 namespace {
 
-template <class LeafTest, class CornersOf>
-class JudgeOf final : public Judge {
+template <class Intersection, class CornersOf>
+class ScalarSearchOf final : public ScalarSearch {
  public:
-  explicit JudgeOf(const CornersOf& corners) : corners_(corners) {}
+  explicit ScalarSearchOf(const CornersOf& corners) : corners_(corners) {}
 
   std::optional<LocalRay> MakeRay(const Ray& ray, const MeshFrame& frame) const override {
-    return LeafTest::MakeRay(ray, frame);
+    return Intersection::MakeRay(ray, frame);
   }
-  void Begin(const LocalRay& ray, JudgeSpace* space) const override {
-    static_assert(sizeof(Search) <= sizeof(JudgeSpace) && std::is_trivially_destructible_v<Search>);
+  void Begin(const LocalRay& ray, ScalarSearchSpace* space) const override {
+    static_assert(sizeof(Search) <= sizeof(ScalarSearchSpace) &&
+                  std::is_trivially_destructible_v<Search>);
     new (space->bytes) Search(ray);
   }
-  bool Offer(PrimitiveId id, JudgeSpace* space) const override {
+  bool Offer(PrimitiveId id, ScalarSearchSpace* space) const override {
     Search& search = *std::launder(reinterpret_cast<Search*>(space->bytes));
     return search.closest.Offer(search.test, id, corners_);
   }
-  double Limit(const JudgeSpace& space) const override { return SearchIn(space).closest.limit; }
-  Hit Finish(const JudgeSpace& space) const override {
+  double Limit(const ScalarSearchSpace& space) const override {
+    return SearchIn(space).closest.limit;
+  }
+  Hit Finish(const ScalarSearchSpace& space) const override {
     const Search& search = SearchIn(space);
     return search.closest.Finish(search.test, corners_);
   }
   Hit Closest(const LocalRay& ray, const WideTree& tree, CancelPoll* poll) const override {
-    const LeafTest test(ray);
-    ClosestSearch<LeafTest> closest;
+    const Intersection test(ray);
+    ClosestSearch<Intersection> closest;
     tree.Traverse(
         ray, test.pad(),
         [&](std::span<const PrimitiveId> ids) {
-          poll->Spend(ids.size() * LeafTest::kWork);
+          poll->Spend(ids.size() * Intersection::kWork);
           for (const PrimitiveId id : ids) closest.Offer(test, id, corners_);
           return closest.limit;
         },
         [&] { return !poll->Spend(kNodeWork); });
     return closest.Finish(test, corners_);
   }
-  std::uint64_t work() const override { return LeafTest::kWork; }
-  bool Test(const LocalRay& ray, PrimitiveId id, LeafHit* hit) const override {
-    if constexpr (std::is_same_v<typename LeafTest::Hit, LeafHit>) {
+  std::uint64_t work() const override { return Intersection::kWork; }
+  bool Test(const LocalRay& ray, PrimitiveId id, TriangleHit* hit) const override {
+    if constexpr (std::is_same_v<typename Intersection::Hit, TriangleHit>) {
       const auto [a, b, c] = corners_(id);
-      return LeafTest(ray).Test(a, b, c, hit);
+      return Intersection(ray).Test(a, b, c, hit);
     } else {
       return false;
     }
@@ -61,10 +64,10 @@ class JudgeOf final : public Judge {
     }
     Ray given;
     LocalRay local;
-    LeafTest test;
-    ClosestSearch<LeafTest> closest;
+    Intersection test;
+    ClosestSearch<Intersection> closest;
   };
-  static const Search& SearchIn(const JudgeSpace& space) {
+  static const Search& SearchIn(const ScalarSearchSpace& space) {
     return *std::launder(reinterpret_cast<const Search*>(space.bytes));
   }
 
@@ -73,12 +76,13 @@ class JudgeOf final : public Judge {
 
 }  // namespace
 
-std::unique_ptr<const Judge> MakeJudge(const TriangleMesh& mesh, Precision precision) {
+std::unique_ptr<const ScalarSearch> MakeScalarSearch(const TriangleMesh& mesh,
+                                                     Precision precision) {
   return VisitIntersection(
       mesh, precision,
-      [&]<class CornersOf, class Test>(const CornersOf& corners,
-                                       IntersectionTag<Test>) -> std::unique_ptr<const Judge> {
-        return std::make_unique<JudgeOf<Test, CornersOf>>(corners);
+      [&]<class CornersOf, class Test>(
+          const CornersOf& corners, IntersectionTag<Test>) -> std::unique_ptr<const ScalarSearch> {
+        return std::make_unique<ScalarSearchOf<Test, CornersOf>>(corners);
       });
 }
 

@@ -1,4 +1,4 @@
-// Which vector instructions the engines use. Answers do not depend on it.
+// Which vector instructions the kernels use. Answers do not depend on it.
 #pragma once
 
 #include <cstdint>

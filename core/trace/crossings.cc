@@ -16,7 +16,7 @@ namespace kdray::core {
 namespace {
 
 struct Crossing {
-  ExactTest::Hit hit;
+  ExactIntersection::Hit hit;
   PrimitiveId id;
 };
 // What moving one in a sort counts as (CancelPoll).
@@ -26,15 +26,16 @@ constexpr std::uint64_t kSortWork = 16;
 /// has stopped. Scratch is reused.
 template <class CornersOf>
 void FindCrossings(const WideTree& tree, const CornersOf& corners, const LocalRay& ray,
-                   const ExactTest& test, CancelPoll* poll, std::vector<Crossing>* crossings) {
+                   const ExactIntersection& test, CancelPoll* poll,
+                   std::vector<Crossing>* crossings) {
   crossings->clear();
   tree.Traverse(
       ray, test.pad(),
       [&](std::span<const PrimitiveId> leaf) {
-        poll->Spend(leaf.size() * ExactTest::kWork);
+        poll->Spend(leaf.size() * ExactIntersection::kWork);
         for (const PrimitiveId id : leaf) {
           const auto [a, b, c] = corners(id);
-          ExactTest::Hit hit;
+          ExactIntersection::Hit hit;
           if (test.Test(a, b, c, &hit) && test.OwnsCrossing(a, b, c, hit) &&
               test.IsInInterval(hit, id, corners)) {
             crossings->push_back({hit, id});
@@ -63,9 +64,9 @@ Status ForEachRay(const Scene& scene, const RayBatch& rays, const CancelToken& c
         if (poll->Spend(kNodeWork)) return;
         const Ray ray = rays[i];
         if (!IsValid(ray)) continue;
-        const std::optional<LocalRay> local = ExactTest::MakeRay(ray, scene.mesh->frame());
+        const std::optional<LocalRay> local = ExactIntersection::MakeRay(ray, scene.mesh->frame());
         if (!local) continue;
-        const ExactTest test(*local);
+        const ExactIntersection test(*local);
         FindCrossings(scene.tree->wide, corners, *local, test, poll, &crossings);
         per_ray(i, test, corners, poll, crossings);
       }
@@ -84,7 +85,7 @@ Status TraceCount(const Scene& scene, RayBatch rays, const CancelToken& cancel,
   assert(counts.size() == rays.size());
   std::fill(counts.begin(), counts.end(), 0u);
   return ForEachRay(scene, rays, cancel,
-                    [&](std::size_t i, const ExactTest&, const auto&, CancelPoll*,
+                    [&](std::size_t i, const ExactIntersection&, const auto&, CancelPoll*,
                         const std::vector<Crossing>& crossings) {
                       counts[i] = static_cast<std::uint32_t>(crossings.size());
                     });
@@ -98,14 +99,14 @@ Result<Crossings> TraceAll(const Scene& scene, RayBatch rays, std::size_t max_hi
   std::vector<std::uint8_t> cut(rays.size());
   const Status status = ForEachRay(
       scene, rays, cancel,
-      [&](std::size_t i, const ExactTest& test, const auto& corners, CancelPoll* poll,
+      [&](std::size_t i, const ExactIntersection& test, const auto& corners, CancelPoll* poll,
           std::vector<Crossing>& crossings) {
         const auto is_closer = [&](const Crossing& a, const Crossing& b) {
           return test.IsCloser(a.hit, a.id, b.hit, b.id, corners);
         };
         kept[i] = std::min(max_hits, crossings.size());
         cut[i] = crossings.size() > max_hits;
-        PolledPartialSort(std::span(crossings), kept[i], ExactTest::kWork, poll, is_closer);
+        PolledPartialSort(std::span(crossings), kept[i], ExactIntersection::kWork, poll, is_closer);
         std::vector<Hit>& hits = chunks[i / kChunkRays];
         for (const Crossing& c : std::span(crossings).first(kept[i]))
           hits.push_back(test.Finish(c.hit, c.id, corners));

@@ -15,14 +15,15 @@
 
 namespace kdray::core {
 
-// A crossing is a triangle that an infinitely little moved ray meets (ExactTest::OwnsCrossing): a
-// ray through an edge or corner that triangles share crosses exactly one of them, or, where it only
-// touches the surface, none or two; one that runs along a triangle does not cross it. So from
-// strictly inside a closed mesh the number of crossings is odd and from strictly outside even, for
-// every ray. Each crossing keeps the exact t of the ray as given, which is held against [t_min,
-// t_max], both ends included. A triangle is crossed at most once. As in core/trace/trace.h, a ray
-// that cannot be crosses nothing, rows depend on their ray and the mesh alone, the work is done in
-// parallel within the caller's arena, and errors are kCancelled and kDeadlineExceeded.
+// A crossing is a triangle that an infinitely little moved ray meets
+// (ExactIntersection::OwnsCrossing): a ray through an edge or corner that triangles share crosses
+// exactly one of them, or, where it only touches the surface, none or two; one that runs along a
+// triangle does not cross it. So from strictly inside a closed mesh the number of crossings is odd
+// and from strictly outside even, for every ray. Each crossing keeps the exact t of the ray as
+// given, which is held against [t_min, t_max], both ends included. A triangle is crossed at most
+// once. As in core/trace/trace.h, a ray that cannot be crosses nothing, rows depend on their ray
+// and the mesh alone, the work is done in parallel within the caller's arena, and errors are
+// kCancelled and kDeadlineExceeded.
 
 /// counts[i] = number of crossings of rays[i]. counts.size() == rays.size(). Safe from many threads
 /// at once.

@@ -33,24 +33,25 @@ Hit InvalidRow() {
 }
 
 /// Both kinds of query: `job` has its answers' place, the rest is filled in here.
-Status TraceByEngine(const Scene& scene, const RayBatch& rays, const TraceOptions& options,
-                     EngineJob job) {
-  const std::unique_ptr<const Judge> judge = MakeJudge(*scene.mesh, options.precision);
+Status TraceByKernel(const Scene& scene, const RayBatch& rays, const TraceOptions& options,
+                     KernelJob job) {
+  const std::unique_ptr<const ScalarSearch> scalar =
+      MakeScalarSearch(*scene.mesh, options.precision);
   std::atomic<bool> stopped{false};
   job.tree = &scene.tree->wide;
   job.mesh = scene.mesh.get();
-  job.judge = judge.get();
+  job.scalar = scalar.get();
   job.precision = options.precision;
   job.rays = rays;
   job.cancel = options.cancel;
   job.stopped = &stopped;
-  ChooseEngines({options.engine, options.simd, options.sort}, &job);
+  ChooseKernel({options.kernel, options.simd, options.sort}, &job);
   if (job.sort) {
     ParallelFor(0, rays.size(), kSortedRays, [&](std::size_t first, std::size_t last) {
       if (stopped.load(std::memory_order_relaxed)) return;
       std::vector<std::uint32_t> rows(last - first);
       OrderRays(rays, scene.mesh->bounds(), job.hits != nullptr, first, rows);
-      EngineJob sorted = job;
+      KernelJob sorted = job;
       sorted.rows = rows.data();
       ParallelFor(0, rows.size(), kBlockRays,
                   [&](std::size_t a, std::size_t b) { TraceBlock(sorted, a, b); });
@@ -68,17 +69,17 @@ Status TraceByEngine(const Scene& scene, const RayBatch& rays, const TraceOption
 Status TraceClosest(const Scene& scene, RayBatch rays, const TraceOptions& options,
                     std::span<Hit> hits) {
   assert(hits.size() == rays.size());
-  EngineJob job;
+  KernelJob job;
   job.hits = hits.data();
-  return TraceByEngine(scene, rays, options, job);
+  return TraceByKernel(scene, rays, options, job);
 }
 
 Status TraceAny(const Scene& scene, RayBatch rays, const TraceOptions& options,
                 std::span<std::uint8_t> occluded) {
   assert(occluded.size() == rays.size());
-  EngineJob job;
+  KernelJob job;
   job.occluded = occluded.data();
-  return TraceByEngine(scene, rays, options, job);
+  return TraceByKernel(scene, rays, options, job);
 }
 
 Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& options,
@@ -111,9 +112,9 @@ Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& option
 Hit ClosestHit(const Scene& scene, const Ray& ray, Precision precision) {
   if (!IsValid(ray)) return InvalidRow();
   CancelPoll never{CancelToken()};
-  const std::unique_ptr<const Judge> judge = MakeJudge(*scene.mesh, precision);
-  const std::optional<LocalRay> local = judge->MakeRay(ray, scene.mesh->frame());
-  return local ? judge->Closest(*local, scene.tree->wide, &never) : Hit{};
+  const std::unique_ptr<const ScalarSearch> scalar = MakeScalarSearch(*scene.mesh, precision);
+  const std::optional<LocalRay> local = scalar->MakeRay(ray, scene.mesh->frame());
+  return local ? scalar->Closest(*local, scene.tree->wide, &never) : Hit{};
 }
 
 bool AnyHit(const Scene& scene, const Ray& ray, Precision precision) {

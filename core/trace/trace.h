@@ -1,5 +1,5 @@
 // The batch interface of ray queries: the one way in for server, renderer, tests and benchmarks.
-// Engines are chosen behind it; each only culls, and one leaf test per precision
+// Kernels are chosen behind it; each only culls, and one leaf test per precision
 // (core/intersect/triangle_intersection.h) decides.
 #pragma once
 
@@ -25,7 +25,7 @@ struct TraceOptions {
 
   /// For tests and benchmarks; when absent, the rays and the processor decide. No answer depends on
   /// any of them. A level must be one of SupportedSimdLevels().
-  std::optional<Engine> engine = {};
+  std::optional<KernelKind> kernel = {};
   std::optional<SimdLevel> simd = {};
   std::optional<bool> sort = {};  ///< bring rays that are alike together before they are traced
 };

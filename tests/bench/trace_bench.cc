@@ -1,9 +1,9 @@
-// Rays a second beside Embree: kdray's engines and ten modes of Embree (quality MEDIUM and HIGH;
+// Rays a second beside Embree: kdray's kernels and ten modes of Embree (quality MEDIUM and HIGH;
 // single rays, packets of 16 and streams, coherent and incoherent), without and with ROBUST, taken
 // in turn in one process on the same rays.
 //
 // Options: --mesh NAME (may be repeated), --runs N, --side PIXELS, --threads N, --csv FILE,
-// --engines (also each engine alone, to see what the choice costs), --quick (Embree's MEDIUM only).
+// --kernels (also each kernel alone, to see what the choice costs), --quick (Embree's MEDIUM only).
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -35,7 +35,7 @@ struct Options {
   int threads = 1;
   std::string csv;
   std::string rays;  // only the classes whose names contain it
-  bool engines = false;
+  bool kernels = false;
   bool quick = false;
 };
 
@@ -319,13 +319,13 @@ void RunMesh(const std::string& name, const Options& options, Report* report) {
     ours.emplace_back("kdray " + std::string(core::Name(precision)), scene,
                       core::TraceOptions{precision, {}});
   }
-  if (options.engines) {
-    for (const core::Engine engine : core::kAllEngines) {
+  if (options.kernels) {
+    for (const core::KernelKind kernel : core::kAllKernelKinds) {
       for (const bool sort : {false, true}) {
         core::TraceOptions forced{Precision::kFast, {}};
-        forced.engine = engine;
+        forced.kernel = kernel;
         forced.sort = sort;
-        ours.emplace_back("kdray fast " + std::string(core::Name(engine)) + (sort ? " sorted" : ""),
+        ours.emplace_back("kdray fast " + std::string(core::Name(kernel)) + (sort ? " sorted" : ""),
                           scene, forced);
       }
     }
@@ -420,8 +420,8 @@ int Main(int argc, char** argv) {
       options.csv = value();
     } else if (name == "--rays") {
       options.rays = value();
-    } else if (name == "--engines") {
-      options.engines = true;
+    } else if (name == "--kernels") {
+      options.kernels = true;
     } else if (name == "--quick") {
       options.quick = true;
     } else {

@@ -1,5 +1,5 @@
 // N20: an answer depends on the ray, the mesh and the precision, and on nothing else: not on the
-// build, the threads, how a batch is cut, the engine, the width of its vectors, nor on whether the
+// build, the threads, how a batch is cut, the kernel, the width of its vectors, nor on whether the
 // tree was just built or came from memory or disk. tests/integration/same_answers_test.cc goes on
 // with forms of request.
 #include <gtest/gtest.h>
@@ -229,7 +229,7 @@ TEST(N20, OriginsOnTheSurfaceChangeNoBitAndGiveNoNegativeZero) {
       }
       for (const TraceOptions& way : WaysToTrace(precision)) {
         for (const std::size_t piece : {std::size_t{1}, std::size_t{64}, rays.size()}) {
-          if (piece == 1 && way.engine) continue;  // as the usual way, but slowly
+          if (piece == 1 && way.kernel) continue;  // as the usual way, but slowly
           const Answers got = Trace(scene, rays, way, piece);
           ASSERT_TRUE(SameBits(got.hits, want.hits)) << Describe(way) << ", batches of " << piece;
           ASSERT_EQ(got.occluded, want.occluded) << Describe(way);
@@ -242,7 +242,7 @@ TEST(N20, OriginsOnTheSurfaceChangeNoBitAndGiveNoNegativeZero) {
   }
 }
 
-TEST(N20, BuildThreadsBatchAndEngineChangeNoBit) {
+TEST(N20, BuildThreadsBatchAndKernelChangeNoBit) {
   for (const MeshData& data : Meshes()) {
     const ClosedMesh mesh = MakeClosedMesh("mesh", data);
     const std::vector<RayF> floats = MixedRays(mesh, 200);
@@ -258,7 +258,7 @@ TEST(N20, BuildThreadsBatchAndEngineChangeNoBit) {
       for (std::size_t s = 0; s < scenes.size(); ++s) {
         const Scene& scene = scenes[s];
         for (std::size_t w = 0; w < ways.size(); ++w) {
-          // The usual way with everything; each engine on each level with one build, one number of
+          // The usual way with everything; each kernel on each level with one build, one number of
           // threads and one piece.
           const bool usual = w == 0;
           if (!usual && w % scenes.size() != s) continue;

@@ -65,11 +65,11 @@ std::vector<Scene> MakeScenes(const MeshData& data) {
 std::vector<TraceOptions> WaysToTrace(Precision precision) {
   std::vector<TraceOptions> ways = {With(precision)};
   for (const SimdLevel level : SupportedSimdLevels()) {
-    for (const Engine engine : kAllEngines) {
+    for (const KernelKind kernel : kAllKernelKinds) {
       for (const bool sort : {false, true}) {
         TraceOptions way = With(precision);
         way.simd = level;
-        way.engine = engine;
+        way.kernel = kernel;
         way.sort = sort;
         ways.push_back(way);
       }
@@ -81,7 +81,7 @@ std::vector<TraceOptions> WaysToTrace(Precision precision) {
 std::string Describe(const TraceOptions& way) {
   std::string text(Name(way.precision));
   if (way.simd) text += ", " + std::string(Name(*way.simd));
-  if (way.engine) text += ", " + std::string(Name(*way.engine));
+  if (way.kernel) text += ", " + std::string(Name(*way.kernel));
   if (way.sort && *way.sort) text += ", sorted";
   return text;
 }

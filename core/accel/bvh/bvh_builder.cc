@@ -94,7 +94,7 @@ struct UpperNode {
 class BvhBuilder {
  public:
   BvhBuilder(const TriangleMesh& mesh, const SahCost& cost, const BuildOptions& options)
-      : cost_(cost), monitor_(options), references_(MakeReferences(mesh, &monitor_)) {}
+      : cost_(cost), monitor_(options), references_(MakePrimitiveRefs(mesh, &monitor_)) {}
 
   Result<Bvh> Build() {
     // Then some references were never written.
@@ -117,7 +117,7 @@ class BvhBuilder {
   }
 
  private:
-  void BuildTop(std::span<Reference> references, int depth, UpperNode* node) {
+  void BuildTop(std::span<PrimitiveRef> references, int depth, UpperNode* node) {
     if (references.size() <= kTopReferences) {
       BuildNode(references, depth, &node->nodes);
       node->nodes.shrink_to_fit();
@@ -134,7 +134,7 @@ class BvhBuilder {
                    [&] { BuildTop(references.subspan(first), depth + 1, node->second.get()); });
   }
 
-  void BuildNode(std::span<Reference> references, int depth, std::vector<BvhNode>* nodes) {
+  void BuildNode(std::span<PrimitiveRef> references, int depth, std::vector<BvhNode>* nodes) {
     Bounds3f bounds;
     const std::size_t first = SplitNode(references, depth, &bounds);
     if (first == 0) {
@@ -150,10 +150,10 @@ class BvhBuilder {
 
   // Orders the references so that the first child's come first, and says how many these are; 0 for
   // a leaf.
-  std::size_t SplitNode(std::span<Reference> references, int depth, Bounds3f* bounds) {
+  std::size_t SplitNode(std::span<PrimitiveRef> references, int depth, Bounds3f* bounds) {
     const Bounding bounding = ReduceReferences<Bounding>(references, &monitor_, [](auto chunk) {
       Bounding b;
-      for (const Reference& reference : chunk) {
+      for (const PrimitiveRef& reference : chunk) {
         b.bounds.Extend(reference.bounds);
         b.centers.Extend(Vec3f{Center(reference.bounds, 0), Center(reference.bounds, 1),
                                Center(reference.bounds, 2)});
@@ -172,12 +172,12 @@ class BvhBuilder {
     std::size_t first = 0;
     PolledPartition(
         references, kStepWork, &poll,
-        [&](const Reference& r) { return split->scale.BinOf(r.bounds) < split->first_bin; },
+        [&](const PrimitiveRef& r) { return split->scale.BinOf(r.bounds) < split->first_bin; },
         &first);
     return poll.stopped() ? 0 : first;
   }
 
-  std::optional<BvhSplit> FindSplit(std::span<const Reference> references,
+  std::optional<BvhSplit> FindSplit(std::span<const PrimitiveRef> references,
                                     const Bounding& bounding) {
     const double area = Area(bounding.bounds);
     double best_cost = cost_.Subtree(references.size());
@@ -193,7 +193,7 @@ class BvhBuilder {
       };
       const AxisBins bins = ReduceReferences<Bins>(references, &monitor_, [&](auto chunk) {
                               Bins b;
-                              for (const Reference& reference : chunk) {
+                              for (const PrimitiveRef& reference : chunk) {
                                 b.bins[scale.BinOf(reference.bounds)].Add({reference.bounds, 1});
                               }
                               return b;
@@ -221,15 +221,15 @@ class BvhBuilder {
   }
 
   // 0 when the poll has stopped.
-  static std::size_t Halve(std::span<Reference> references, int axis, CancelPoll* poll) {
+  static std::size_t Halve(std::span<PrimitiveRef> references, int axis, CancelPoll* poll) {
     const std::size_t half = references.size() / 2;
-    const auto less = [axis](const Reference& a, const Reference& b) {
+    const auto less = [axis](const PrimitiveRef& a, const PrimitiveRef& b) {
       return std::tuple(Center(a.bounds, axis), a.id) < std::tuple(Center(b.bounds, axis), b.id);
     };
     return PolledNthElement(references, half, kStepWork, poll, less) ? half : 0;
   }
 
-  void EmitLeaf(std::span<const Reference> references, const Bounds3f& bounds,
+  void EmitLeaf(std::span<const PrimitiveRef> references, const Bounds3f& bounds,
                 std::vector<BvhNode>* nodes) {
     const std::size_t offset = static_cast<std::size_t>(references.data() - references_.data());
     nodes->push_back({bounds, static_cast<std::uint32_t>(offset),
@@ -262,7 +262,7 @@ class BvhBuilder {
 
   const SahCost& cost_;
   BuildMonitor monitor_;
-  ReferenceArray references_;
+  PrimitiveRefArray references_;
 };
 
 }  // namespace

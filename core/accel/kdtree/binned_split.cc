@@ -52,14 +52,14 @@ void BinnedCounts::Counts::Add(const Counts& other) {
   }
 }
 
-BinnedCounts::Counts BinnedCounts::Count(std::span<const Reference> references,
+BinnedCounts::Counts BinnedCounts::Count(std::span<const PrimitiveRef> references,
                                          const PlaneGrid& grid) {
   // Places are small and not negative, so that as unsigned numbers they need not be widened.
   const auto places = [](Int4 k) {
     return std::bit_cast<Unsigned4>((k + 1) * 4 + Int4{0, 1, 2, 0});
   };
   Counts counts(grid);
-  for (const Reference& reference : references) {
+  for (const PrimitiveRef& reference : references) {
     // A number that is taken for a float is denormal, and the processor slow on it.
     const Int4 end_lanes = std::bit_cast<Int4>(HighOf(reference)) & Int4{-1, -1, -1, 0};
     const Int4 begin = grid.Floor(LowOf(reference));
@@ -80,14 +80,14 @@ BinnedCounts::Counts BinnedCounts::Count(std::span<const Reference> references,
   return counts;
 }
 
-BinnedCounts::BinnedCounts(std::span<const Reference> references, const Bounds3f& bounds,
+BinnedCounts::BinnedCounts(std::span<const PrimitiveRef> references, const Bounds3f& bounds,
                            BuildMonitor* monitor)
     : grid_(bounds),
       bounds_(bounds),
       triangles_(references.size()),
       counts_(ReduceReferences<Counts>(
           references, monitor,
-          [this](std::span<const Reference> chunk) { return Count(chunk, grid_); })) {}
+          [this](std::span<const PrimitiveRef> chunk) { return Count(chunk, grid_); })) {}
 
 BinnedCounts::BestPlanes BinnedCounts::FindBestPlanes(const std::array<SplitSearch::Axis, 3>& axes,
                                                       const Bounds3f& cell) const {

@@ -56,7 +56,7 @@ class BinnedCounts {
  public:
   /// `bounds` is the union of the references'. Large spans are counted in parallel, with the same
   /// result. O(n) time.
-  BinnedCounts(std::span<const Reference> references, const Bounds3f& bounds,
+  BinnedCounts(std::span<const PrimitiveRef> references, const Bounds3f& bounds,
                BuildMonitor* monitor = nullptr);
 
   /// The cheapest of the cuts at the grid's planes and at the faces of the references' bounds,
@@ -88,7 +88,7 @@ class BinnedCounts {
     std::array<std::uint32_t, 3> below, above;
   };
 
-  static Counts Count(std::span<const Reference> references, const PlaneGrid& grid);
+  static Counts Count(std::span<const PrimitiveRef> references, const PlaneGrid& grid);
   BestPlanes FindBestPlanes(const std::array<SplitSearch::Axis, 3>& axes,
                             const Bounds3f& cell) const;
 

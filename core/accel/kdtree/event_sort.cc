@@ -17,7 +17,7 @@ std::size_t DigitOf(std::uint32_t position, std::size_t digit) {
 
 }  // namespace
 
-void EventSorter::Sort(std::span<const Reference> references, int axis,
+void EventSorter::Sort(std::span<const PrimitiveRef> references, int axis,
                        std::vector<SplitEvent>* events) {
   // First by kind and slot, which decide between equal positions: sorting by a digit keeps the
   // order of equals.

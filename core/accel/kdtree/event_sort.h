@@ -14,7 +14,7 @@ class EventSorter {
  public:
   /// Replaces *events by those of the references on one axis, sorted; a reference's slot is its
   /// number. O(n), with digits of eight bits.
-  void Sort(std::span<const Reference> references, int axis, std::vector<SplitEvent>* events);
+  void Sort(std::span<const PrimitiveRef> references, int axis, std::vector<SplitEvent>* events);
 
  private:
   std::vector<SplitEvent> scratch_;

@@ -11,7 +11,7 @@ constexpr std::size_t kPollReferences = 4096;
 
 }  // namespace
 
-KdPiece KdSubtreeBuilder::Build(std::span<const Reference> references, const KdBuildTask& task) {
+KdPiece KdSubtreeBuilder::Build(std::span<const PrimitiveRef> references, const KdBuildTask& task) {
   piece_.Clear();
   stack_.assign(references.begin(), references.end());
   stack_size_ = references.size();
@@ -21,7 +21,7 @@ KdPiece KdSubtreeBuilder::Build(std::span<const Reference> references, const KdB
           {piece_.primitives.begin(), piece_.primitives.end()}};
 }
 
-std::optional<SplitCandidate> KdSubtreeBuilder::FindSplit(std::span<const Reference> references,
+std::optional<SplitCandidate> KdSubtreeBuilder::FindSplit(std::span<const PrimitiveRef> references,
                                                           const KdBuildTask& task,
                                                           NodeFacts* facts) {
   if (task.depth >= context_.max_depth) return std::nullopt;
@@ -43,7 +43,7 @@ std::optional<SplitCandidate> KdSubtreeBuilder::FindSplit(std::span<const Refere
 }
 
 void KdSubtreeBuilder::BuildNode(std::size_t count, const KdBuildTask& task) {
-  const std::span<Reference> references = std::span(stack_).subspan(stack_size_ - count, count);
+  const std::span<PrimitiveRef> references = std::span(stack_).subspan(stack_size_ - count, count);
   if (context_.rule == KdSplitRule::kSah && count <= KdBuildLimits::kSweepReferences) {
     sweep_.Build(references, task, &piece_);
     stack_size_ -= count;
@@ -55,7 +55,7 @@ void KdSubtreeBuilder::BuildNode(std::size_t count, const KdBuildTask& task) {
 
 void KdSubtreeBuilder::BuildNode(std::size_t count, const KdBuildTask& task, NodeFacts* facts) {
   const std::size_t begin = stack_size_ - count;
-  const std::span<Reference> references = std::span(stack_).subspan(begin, count);
+  const std::span<PrimitiveRef> references = std::span(stack_).subspan(begin, count);
   const bool stop = count >= kPollReferences && context_.monitor.ShouldStop();
   const std::optional<SplitCandidate> split =
       stop ? std::nullopt : FindSplit(references, task, facts);
@@ -103,9 +103,9 @@ void KdSubtreeBuilder::BuildNode(std::size_t count, const KdBuildTask& task, Nod
   piece_.EndInterior(interior);
 }
 
-void KdSubtreeBuilder::EmitLeaf(std::span<const Reference> references, const Bounds3f& bounds,
+void KdSubtreeBuilder::EmitLeaf(std::span<const PrimitiveRef> references, const Bounds3f& bounds,
                                 const KdBuildTask& task) {
-  for (const Reference& reference : references) piece_.primitives.push_back(reference.id);
+  for (const PrimitiveRef& reference : references) piece_.primitives.push_back(reference.id);
   piece_.EndLeaf(references.size(), bounds);
   context_.monitor.AddDone(task.share);
 }

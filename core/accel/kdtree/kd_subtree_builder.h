@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "core/accel/kdtree/binned_split.h"
+#include "core/accel/kdtree/centroid_split.h"
 #include "core/accel/kdtree/kd_build_task.h"
 #include "core/accel/kdtree/kd_piece.h"
-#include "core/accel/kdtree/note_split.h"
 #include "core/accel/kdtree/partition.h"
 #include "core/accel/kdtree/sweep_builder.h"
 
@@ -24,7 +24,7 @@ class KdSubtreeBuilder {
         sweep_(context),
         note_(context.mesh, context.cost, context.monitor.cancel()) {}
 
-  KdPiece Build(std::span<const Reference> references, const KdBuildTask& task);
+  KdPiece Build(std::span<const PrimitiveRef> references, const KdBuildTask& task);
 
   /// What is known of a node's references; it holds as well after empty space was cut off the cell.
   struct NodeFacts {
@@ -34,22 +34,22 @@ class KdSubtreeBuilder {
 
   /// Where the rule cuts a node with these references; nothing when it should be a leaf. The budget
   /// is the caller's to check.
-  std::optional<SplitCandidate> FindSplit(std::span<const Reference> references,
+  std::optional<SplitCandidate> FindSplit(std::span<const PrimitiveRef> references,
                                           const KdBuildTask& task, NodeFacts* facts);
 
  private:
   // The node's references are the uppermost `count` on the stack; they are gone afterwards.
   void BuildNode(std::size_t count, const KdBuildTask& task);
   void BuildNode(std::size_t count, const KdBuildTask& task, NodeFacts* facts);
-  void EmitLeaf(std::span<const Reference> references, const Bounds3f& bounds,
+  void EmitLeaf(std::span<const PrimitiveRef> references, const Bounds3f& bounds,
                 const KdBuildTask& task);
 
   const KdBuildContext& context_;
   SweepBuilder sweep_;
-  NoteSplitFinder note_;
-  std::vector<Reference> stack_;  // as large as it ever was; stack_size_ of it in use
+  CentroidSplitFinder note_;
+  std::vector<PrimitiveRef> stack_;  // as large as it ever was; stack_size_ of it in use
   std::size_t stack_size_ = 0;
-  std::vector<Reference> below_, cut_;  // only while a node is split
+  std::vector<PrimitiveRef> below_, cut_;  // only while a node is split
   KdPiece piece_;
 };
 

@@ -24,7 +24,7 @@ class KdTreeBuilder {
       : monitor_(options), context_{mesh, rule, cost, 0, monitor_} {}
 
   Result<KdTree> Build() {
-    ReferenceArray references = MakeReferences(context_.mesh, &monitor_);
+    PrimitiveRefArray references = MakePrimitiveRefs(context_.mesh, &monitor_);
     const std::size_t triangles = references.size();
     context_.max_depth = KdBuildLimits::MaxDepth(triangles);
 
@@ -55,7 +55,7 @@ class KdTreeBuilder {
     BuildTop(std::move(share.references), task, &facts, node);
   }
 
-  void BuildTop(ReferenceArray references, const KdBuildTask& task,
+  void BuildTop(PrimitiveRefArray references, const KdBuildTask& task,
                 KdSubtreeBuilder::NodeFacts* facts, KdUpperNode* node) {
     std::optional<SplitCandidate> split;
     if (!monitor_.ShouldStop()) {
@@ -89,7 +89,7 @@ class KdTreeBuilder {
                    [&, t = above_task] { BuildTop(std::move(above), t, node->above.get()); });
   }
 
-  void CutOffEmptySpace(ReferenceArray references, const KdBuildTask& task,
+  void CutOffEmptySpace(PrimitiveRefArray references, const KdBuildTask& task,
                         KdSubtreeBuilder::NodeFacts* facts, const SplitCandidate& split,
                         KdUpperNode* node) {
     const auto [below, above] = task.Divide(split.plane, split.below, split.above);

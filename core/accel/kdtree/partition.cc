@@ -6,7 +6,7 @@
 
 namespace kdray::core {
 
-ClippedHalves CutReference(const TriangleMesh& mesh, const Reference& reference,
+ClippedHalves CutReference(const TriangleMesh& mesh, const PrimitiveRef& reference,
                            const Bounds3f& cell, const SplitPlane& plane) {
   const TriangleIndices& corners = mesh.triangles()[reference.id];
   return mesh.VisitVertices([&](auto vertices) {
@@ -17,9 +17,9 @@ ClippedHalves CutReference(const TriangleMesh& mesh, const Reference& reference,
   });
 }
 
-SideCounts CountSides(std::span<const Reference> references, const SplitCandidate& split) {
+SideCounts CountSides(std::span<const PrimitiveRef> references, const SplitCandidate& split) {
   SideCounts counts;
-  for (const Reference& reference : references) {
+  for (const PrimitiveRef& reference : references) {
     const unsigned side = static_cast<unsigned>(SideOf(reference, split));
     counts.below += side & 1u;
     counts.above += side >> 1;
@@ -30,7 +30,7 @@ SideCounts CountSides(std::span<const Reference> references, const SplitCandidat
 namespace {
 
 // Large meshes do not fit the caches: asks early for what the next references will need.
-void PrefetchCorners(const TriangleMesh& mesh, std::span<const Reference> next) {
+void PrefetchCorners(const TriangleMesh& mesh, std::span<const PrimitiveRef> next) {
   constexpr std::size_t kIndicesAhead = 8;
   constexpr std::size_t kVerticesAhead = 4;
   if (next.size() > kIndicesAhead) __builtin_prefetch(&mesh.triangles()[next[kIndicesAhead].id]);
@@ -43,29 +43,29 @@ void PrefetchCorners(const TriangleMesh& mesh, std::span<const Reference> next) 
 }
 
 // yes where `which` is 1, no where it is 0: without a branch, which a compiler may make of ?:.
-Reference* Choose(unsigned which, Reference* yes, Reference* no) {
+PrimitiveRef* Choose(unsigned which, PrimitiveRef* yes, PrimitiveRef* no) {
   const std::uintptr_t a = reinterpret_cast<std::uintptr_t>(yes);
   const std::uintptr_t b = reinterpret_cast<std::uintptr_t>(no);
-  return reinterpret_cast<Reference*>(b ^ ((a ^ b) & (std::uintptr_t{0} - which)));
+  return reinterpret_cast<PrimitiveRef*>(b ^ ((a ^ b) & (std::uintptr_t{0} - which)));
 }
 
 }  // namespace
 
-SideCounts Distribute(const TriangleMesh& mesh, std::span<const Reference> references,
-                      const Bounds3f& cell, const SplitCandidate& split, Reference* below,
-                      Reference* above, Reference* cut) {
+SideCounts Distribute(const TriangleMesh& mesh, std::span<const PrimitiveRef> references,
+                      const Bounds3f& cell, const SplitCandidate& split, PrimitiveRef* below,
+                      PrimitiveRef* above, PrimitiveRef* cut) {
   // Each is written once, to a place that is computed: branches could not be foretold.
-  Reference* below_end = below;
-  Reference* above_end = above;
-  Reference* cut_end = cut;
-  for (const Reference& reference : references) {
+  PrimitiveRef* below_end = below;
+  PrimitiveRef* above_end = above;
+  PrimitiveRef* cut_end = cut;
+  for (const PrimitiveRef& reference : references) {
     const Float4 low = LowOf(reference);
     const Float4 high = HighOf(reference);
     const unsigned side = static_cast<unsigned>(SideOf(reference, split));
     const unsigned is_below = side & 1u;
     const unsigned is_above = side >> 1;
     const unsigned is_cut = is_below & is_above;
-    StoreReference(low, high, Choose(is_cut, cut_end, Choose(is_above, above_end, below_end)));
+    StorePrimitiveRef(low, high, Choose(is_cut, cut_end, Choose(is_above, above_end, below_end)));
     below_end += is_below ^ is_cut;
     above_end += is_above ^ is_cut;
     cut_end += is_cut;
@@ -97,7 +97,7 @@ struct Places {
 
 // Moves references from the end into the places that are not used. What is moved depends on the
 // chunks alone, and there are few of them.
-std::size_t CloseGaps(std::span<const Places> chunks, Reference* references) {
+std::size_t CloseGaps(std::span<const Places> chunks, PrimitiveRef* references) {
   std::size_t total = 0;
   for (const Places& places : chunks) total += places.used;
   auto source = chunks.rbegin();  // of what lies behind `total`
@@ -120,38 +120,40 @@ void Finish(std::span<const Places> chunks, Share* share) {
 
 }  // namespace
 
-void DistributeInParallel(const TriangleMesh& mesh, std::span<const Reference> references,
+void DistributeInParallel(const TriangleMesh& mesh, std::span<const PrimitiveRef> references,
                           const Bounds3f& cell, const SplitCandidate& split, Share* below,
                           Share* above, BuildMonitor* monitor) {
   // Each chunk gets the places that CountSides() promises; the gaps that clipping leaves are closed
   // at the end. A chunk that the monitor left out has no places, and is left out below as well.
   const std::size_t chunks = ReferenceChunks(references.size());
   std::vector<Places> below_places(chunks), above_places(chunks);
-  ForEachReferenceChunk(references, monitor, [&](std::span<const Reference> chunk, std::size_t c) {
-    const SideCounts counts = CountSides(chunk, split);
-    below_places[c].count = counts.below;
-    above_places[c].count = counts.above;
-  });
+  ForEachReferenceChunk(references, monitor,
+                        [&](std::span<const PrimitiveRef> chunk, std::size_t c) {
+                          const SideCounts counts = CountSides(chunk, split);
+                          below_places[c].count = counts.below;
+                          above_places[c].count = counts.above;
+                        });
   for (std::size_t c = 1; c < chunks; ++c) {
     below_places[c].first = below_places[c - 1].first + below_places[c - 1].count;
     above_places[c].first = above_places[c - 1].first + above_places[c - 1].count;
   }
-  below->references = ReferenceArray(below_places.back().first + below_places.back().count);
-  above->references = ReferenceArray(above_places.back().first + above_places.back().count);
+  below->references = PrimitiveRefArray(below_places.back().first + below_places.back().count);
+  above->references = PrimitiveRefArray(above_places.back().first + above_places.back().count);
 
   const auto note = [](std::size_t used, Places* places, const Share& share) {
     places->used = used;
     // While they are in the cache.
     places->bounds = UnionBounds(std::span(share.references).subspan(places->first, used));
   };
-  ForEachReferenceChunk(references, monitor, [&](std::span<const Reference> chunk, std::size_t c) {
-    ReferenceArray cut(chunk.size());
-    const SideCounts used =
-        Distribute(mesh, chunk, cell, split, below->references.data() + below_places[c].first,
-                   above->references.data() + above_places[c].first, cut.data());
-    note(used.below, &below_places[c], *below);
-    note(used.above, &above_places[c], *above);
-  });
+  ForEachReferenceChunk(
+      references, monitor, [&](std::span<const PrimitiveRef> chunk, std::size_t c) {
+        PrimitiveRefArray cut(chunk.size());
+        const SideCounts used =
+            Distribute(mesh, chunk, cell, split, below->references.data() + below_places[c].first,
+                       above->references.data() + above_places[c].first, cut.data());
+        note(used.below, &below_places[c], *below);
+        note(used.above, &above_places[c], *above);
+      });
   if (monitor != nullptr && monitor->ShouldStop()) return;
   Finish(below_places, below);
   Finish(above_places, above);

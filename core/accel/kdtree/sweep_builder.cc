@@ -27,7 +27,7 @@ void AppendEvents(float low, float high, std::uint32_t slot, std::vector<SplitEv
 
 }  // namespace
 
-void SweepBuilder::Build(std::span<const Reference> references, const KdBuildTask& task,
+void SweepBuilder::Build(std::span<const PrimitiveRef> references, const KdBuildTask& task,
                          KdPiece* piece) {
   piece_ = piece;
   slots_.assign(references.begin(), references.end());
@@ -98,7 +98,7 @@ void SweepBuilder::EmitLeaf(std::size_t triangles, const Counts& events, const K
   Bounds3f bounds = Bounds3f::Empty();
   for (const SplitEvent& event : TopEvents(0, events)) {
     if (event.kind() == SplitEvent::Kind::kEnd) continue;
-    const Reference& reference = slots_[event.slot()];
+    const PrimitiveRef& reference = slots_[event.slot()];
     bounds.Extend(reference.bounds);
     piece_->primitives.push_back(reference.id);
   }
@@ -127,7 +127,7 @@ SideCounts SweepBuilder::AssignSides(const Counts& events, const KdBuildTask& ta
       continue;
     }
     sides_[slot] = 0;
-    const Reference whole = slots_[slot];
+    const PrimitiveRef whole = slots_[slot];
     const ClippedHalves parts = CutReference(context_.mesh, whole, task.cell, split.plane);
     if (!parts.below.IsEmpty()) {
       ++counts.below;

@@ -27,7 +27,7 @@ class SweepBuilder {
       : context_(context), costs_(SubtreeCosts(context.cost, KdBuildLimits::kSweepReferences)) {}
 
   /// Appends the subtree to *piece; at most KdBuildLimits::kSweepReferences references.
-  void Build(std::span<const Reference> references, const KdBuildTask& task, KdPiece* piece);
+  void Build(std::span<const PrimitiveRef> references, const KdBuildTask& task, KdPiece* piece);
 
  private:
   // How many events a node has on each axis.
@@ -49,7 +49,7 @@ class SweepBuilder {
 
   // A reference keeps its slot on the way down. A cut one leaves it to its below part; the above
   // part gets a new one, which lives until the above child is done.
-  std::vector<Reference> slots_;
+  std::vector<PrimitiveRef> slots_;
 
   // A stack of sorted lists for each axis: the node's, beneath it those of the above children that
   // wait.

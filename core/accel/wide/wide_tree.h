@@ -1,5 +1,5 @@
 // The fast sibling of the binary structures: the same tree with up to eight children a node, laid
-// out for SIMD. Every structure has such a form (core/accel/wide/collapse.h), and the engines of
+// out for SIMD. Every structure has such a form (core/accel/wide/collapse.h), and the kernels of
 // core/trace know no other.
 #pragma once
 
@@ -76,7 +76,7 @@ struct WideTree {
     return nodes.size() * sizeof(WideNode) + blocks.size() * sizeof(LeafBlock);
   }
 
-  /// Walks the leaves that the fat ray meets, roughly front to back: what every engine does, for
+  /// Walks the leaves that the fat ray meets, roughly front to back: what every kernel does, for
   /// one ray, in double and in plain words. visit(span<const PrimitiveId>) tests a block's
   /// triangles and returns the local parameter beyond which the caller needs nothing more, as in
   /// KdTree::Traverse. go_on() is asked before each node and each block, and ends the walk by
@@ -93,7 +93,7 @@ struct WideTree {
 template <class Visit, class GoOn>
 void WideTree::Traverse(const LocalRay& ray, double pad, const Visit& visit,
                         const GoOn& go_on) const {
-  // The boxes are padded already; only rays from very far away need more (ExactTest::pad).
+  // The boxes are padded already; only rays from very far away need more (ExactIntersection::pad).
   const double more = std::max(0.0, pad - kFloatPad);
   double limit = std::numeric_limits<double>::infinity();
   const LocalInterval search = SearchInterval(ray);

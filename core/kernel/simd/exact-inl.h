@@ -1,4 +1,4 @@
-// The search of the precision `exact`: ExactTest's filter on four triangles at once.
+// The search of the precision `exact`: ExactIntersection's filter on four triangles at once.
 #pragma once
 
 #include <algorithm>
@@ -32,7 +32,7 @@ struct ExactDecision {
   double low[4], high[4];  ///< bounds of the exact local parameter of LocalRay
 };
 
-/// A ray as ExactTest sees it, in vectors of triangles.
+/// A ray as ExactIntersection sees it, in vectors of triangles.
 struct ExactRay : RoundedRay {
   std::uint32_t axis;                  // along which the direction is longest
   double inverse;                      // of that component
@@ -125,16 +125,16 @@ struct ExactRay : RoundedRay {
   }
 };
 
-/// ExactTest, four triangles at once, as long as double arithmetic leaves no doubt about a sign or
-/// about which t is smaller. The first doubt hands the ray to the Judge, which from then on gets
-/// every triangle that may be hit.
+/// ExactIntersection, four triangles at once, as long as double arithmetic leaves no doubt about a
+/// sign or about which t is smaller. The first doubt hands the ray to the ScalarSearch, which from
+/// then on gets every triangle that may be hit.
 template <class Stored>
 struct ExactSearch {
   using Answers = ExactAnswers;
   static constexpr bool kBeginsUsual = true;
   CullRay cull;
   bool found;
-  bool is_judged;
+  bool is_scalar;
   PrimitiveId best_id;
   std::size_t row;
   ExactRay exact;
@@ -142,20 +142,20 @@ struct ExactSearch {
   double best_low, best_high;  // bounds of the best s
   Vec3<Stored> best_corners[3];
   RoundedRay::Bound t_min, t_max;  // the caller's interval, local
-  JudgeSpace space;                // once is_judged
+  ScalarSearchSpace space;         // once is_scalar
 
   static std::optional<LocalRay> MakeRay(const Ray& ray, const MeshFrame& frame) {
     return MakeExactLocalRay(ray, frame);
   }
 
-  void Begin(const EngineJob&, const LocalRay& local, std::size_t at) {
+  void Begin(const KernelJob&, const LocalRay& local, std::size_t at) {
     PrepareShear(local, &cull);
     exact.Begin(local, cull);
     BeginEmpty(local, at);
     t_min = RoundedRay::BoundOf(local.t_min, local);
     t_max = RoundedRay::BoundOf(local.t_max, local);
   }
-  KDRAY_INLINE void BeginUsual(const EngineJob& job, const FrameVectors& frame,
+  KDRAY_INLINE void BeginUsual(const KernelJob& job, const FrameVectors& frame,
                                const LocalRay& local, std::size_t at) {
     PrepareShear(local, &cull);
     exact.BeginUsual(LoadRay(job.rays, at), frame, local, cull);
@@ -165,7 +165,7 @@ struct ExactSearch {
     t_max = BoundOf(local.t_max * to_local);
   }
 
-  KDRAY_INLINE void Test(const EngineJob& job, const LeafBlock& block, unsigned lanes) {
+  KDRAY_INLINE void Test(const KernelJob& job, const LeafBlock& block, unsigned lanes) {
     VisitFours<Stored>(
         job, block, FilterRelaxed(cull, block) & lanes,
         [&](const auto& corner_at, const PrimitiveId* ids, unsigned four) KDRAY_LAMBDA {
@@ -173,10 +173,10 @@ struct ExactSearch {
           exact.Decide(corner_at, &decision);
           for (four &= ~decision.outside; four != 0; four &= four - 1) {
             const unsigned k = static_cast<unsigned>(__builtin_ctz(four));
-            const Verdict verdict = is_judged || (decision.inside >> k & 1u) == 0
+            const Verdict verdict = is_scalar || (decision.inside >> k & 1u) == 0
                                         ? Verdict::kDoubt
                                         : Compare(decision.low[k], decision.high[k], ids[k]);
-            if (verdict == Verdict::kDoubt) OfferToJudge(job, ids[k]);
+            if (verdict == Verdict::kDoubt) OfferToScalar(job, ids[k]);
             if (verdict != Verdict::kCloser) continue;
             found = true;
             best_id = ids[k];
@@ -192,7 +192,7 @@ struct ExactSearch {
 
  private:
   KDRAY_INLINE void BeginEmpty(const LocalRay& local, std::size_t at) {
-    found = is_judged = false;
+    found = is_scalar = false;
     best_id = kNoPrimitive;
     row = at;
     exponent = local.exponent;
@@ -213,19 +213,19 @@ struct ExactSearch {
     return in_interval ? Verdict::kCloser : Verdict::kDoubt;
   }
 
-  __attribute__((noinline)) void HandToJudge(const EngineJob& job) {
-    is_judged = true;
+  __attribute__((noinline)) void HandToScalar(const KernelJob& job) {
+    is_scalar = true;
     const Ray ray = job.rays[row];
     const std::optional<LocalRay> local = MakeRay(ray, job.mesh->frame());
-    job.judge->Begin(*local, &space);
-    if (found) job.judge->Offer(best_id, &space);
+    job.scalar->Begin(*local, &space);
+    if (found) job.scalar->Offer(best_id, &space);
   }
-  __attribute__((noinline)) void OfferToJudge(const EngineJob& job, PrimitiveId id) {
-    job.poll->Spend(job.judge->work());
-    if (!is_judged) HandToJudge(job);
-    if (!job.judge->Offer(id, &space)) return;
+  __attribute__((noinline)) void OfferToScalar(const KernelJob& job, PrimitiveId id) {
+    job.poll->Spend(job.scalar->work());
+    if (!is_scalar) HandToScalar(job);
+    if (!job.scalar->Offer(id, &space)) return;
     found = true;
-    cull.exit = std::min(cull.exit, RoundedUp(job.judge->Limit(space)));
+    cull.exit = std::min(cull.exit, RoundedUp(job.scalar->Limit(space)));
   }
 };
 

@@ -148,9 +148,9 @@ KDRAY_INLINE unsigned Solve4(const ExactHits4& hits, double* t, double* u, doubl
 class ExactAnswers {
  public:
   template <class Search>
-  KDRAY_INLINE void Add(const EngineJob& job, const Search& search) {
-    if (!search.found || search.is_judged) {
-      job.hits[search.row] = search.found ? job.judge->Finish(search.space) : Hit{};
+  KDRAY_INLINE void Add(const KernelJob& job, const Search& search) {
+    if (!search.found || search.is_scalar) {
+      job.hits[search.row] = search.found ? job.scalar->Finish(search.space) : Hit{};
       return;
     }
     const RoundedRay& ray = search.exact;
@@ -171,7 +171,7 @@ class ExactAnswers {
     if (++size_ == 4) Flush(job);
   }
 
-  void Flush(const EngineJob& job) {
+  void Flush(const KernelJob& job) {
     if (size_ == 0) return;
     alignas(32) double t[4], u[4], v[4];
     const unsigned known = Solve4(hits_, t, u, v);
@@ -179,20 +179,21 @@ class ExactAnswers {
       const double caller_t = ToCallerT(t[k], exponent_[k]);
       // A smaller t would be rounded twice.
       const bool is_normal = std::fabs(caller_t) >= std::numeric_limits<double>::min();
-      job.hits[row_[k]] = (known >> k & 1u) != 0 && is_normal ? Hit{caller_t, u[k], v[k], id_[k]}
-                                                              : Judged(job, row_[k], id_[k]);
+      job.hits[row_[k]] = (known >> k & 1u) != 0 && is_normal
+                              ? Hit{caller_t, u[k], v[k], id_[k]}
+                              : DecidedByScalar(job, row_[k], id_[k]);
     }
     size_ = 0;
   }
 
  private:
-  __attribute__((noinline)) static Hit Judged(const EngineJob& job, std::size_t row,
-                                              PrimitiveId id) {
-    JudgeSpace space;
+  __attribute__((noinline)) static Hit DecidedByScalar(const KernelJob& job, std::size_t row,
+                                                       PrimitiveId id) {
+    ScalarSearchSpace space;
     const Ray ray = job.rays[row];
-    job.judge->Begin(*job.judge->MakeRay(ray, job.mesh->frame()), &space);
-    job.judge->Offer(id, &space);
-    return job.judge->Finish(space);
+    job.scalar->Begin(*job.scalar->MakeRay(ray, job.mesh->frame()), &space);
+    job.scalar->Offer(id, &space);
+    return job.scalar->Finish(space);
   }
 
   ExactHits4 hits_ = {};

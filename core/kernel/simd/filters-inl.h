@@ -15,7 +15,7 @@ KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
 /// A block's corners as a ray sees them, running along the third axis through (0, 0): the same
-/// operations as WatertightTest<float>::Project.
+/// operations as WatertightIntersection<float>::Project.
 struct ProjectedBlock {
   F8 x[3], y[3], z[3];
 };
@@ -33,12 +33,12 @@ KDRAY_INLINE ProjectedBlock Project(const CullRay& ray, const LeafBlock& block) 
   return p;
 }
 
-/// Signed areas opposite each corner, as WatertightTest<float> computes them.
+/// Signed areas opposite each corner, as WatertightIntersection<float> computes them.
 struct EdgeFunctions {
   F8 a, b, c;
 
-  /// Exactly the triangles that WatertightTest<float> accepts, and those that it decides by exact
-  /// signs because one of the three is 0. Not those with NaN corners.
+  /// Exactly the triangles that WatertightIntersection<float> accepts, and those that it decides by
+  /// exact signs because one of the three is 0. Not those with NaN corners.
   KDRAY_INLINE unsigned OneSign() const {
     const F8 zero = Set8(0);
     return Bits(LessEqual(zero, Min(Min(a, b), c)) | LessEqual(Max(Max(a, b), c), zero));

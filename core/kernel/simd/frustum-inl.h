@@ -125,7 +125,7 @@ KDRAY_INLINE void PrefetchNext(const LeafBlock& block) {
 template <class Hits>
 class Frustum {
  public:
-  explicit Frustum(const EngineJob& job) : job_(job), tree_(*job.tree) {
+  explicit Frustum(const KernelJob& job) : job_(job), tree_(*job.tree) {
     capacity_ = tree_.stack_size + WideNode::kWidth;
     memory_.resize(2 * capacity_);
     enter_ = reinterpret_cast<float*>(memory_.data());
@@ -300,7 +300,7 @@ class Frustum {
                     std::max(group_exit_[2], group_exit_[3]));
   }
 
-  const EngineJob& job_;
+  const KernelJob& job_;
   const WideTree& tree_;
   std::size_t capacity_;
   std::vector<std::uint32_t> memory_;
@@ -318,7 +318,7 @@ class Frustum {
 };
 
 /// Asks for the memory of a packet's answers, and of the next packet's rays.
-inline void PrefetchRows(const EngineJob& job, std::size_t first, std::size_t last) {
+inline void PrefetchRows(const KernelJob& job, std::size_t first, std::size_t last) {
   for (std::size_t i = first; job.hits != nullptr && i < first + FrustumRays::kRays; i += 2) {
     __builtin_prefetch(&job.hits[RowAt(job, i)], 1);
   }
@@ -330,8 +330,7 @@ inline void PrefetchRows(const EngineJob& job, std::size_t first, std::size_t la
 
 /// Packets of 64 where there are any; the other rays by `rest`.
 template <class Hits>
-void TraceByFrustum(const EngineJob& job, std::size_t first, std::size_t last,
-                    EngineFunction rest) {
+void TraceFrustum(const KernelJob& job, std::size_t first, std::size_t last, KernelFunction rest) {
   std::vector<std::uint32_t> others;
   const auto leave = [&](std::size_t from, std::size_t to) {
     for (std::size_t i = from; i < to; ++i) {
@@ -364,7 +363,7 @@ void TraceByFrustum(const EngineJob& job, std::size_t first, std::size_t last,
   }
   leave(first, last);
   if (others.empty()) return;
-  EngineJob remaining = job;
+  KernelJob remaining = job;
   remaining.rows = others.data();
   rest(remaining, 0, others.size());
 }

@@ -1,6 +1,6 @@
-// The wave: 16 rays in flight, each on its own way through the tree, a step each in turn. A single
-// ray waits for memory and for mispredicted branches at every step; with 16 the waits overlap. For
-// rays that have nothing in common.
+// Interleaved rays: 16 of them in flight, each on its own way through the tree, a step each in
+// turn. A single ray waits for memory and for mispredicted branches at every step; with 16 the
+// waits overlap. For rays that have nothing in common.
 #pragma once
 
 #include <algorithm>
@@ -24,7 +24,7 @@ KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
 /// Writes the answer of a ray that no search was needed for.
-KDRAY_INLINE void AnswerWithoutSearch(const EngineJob& job, std::size_t row, bool valid) {
+KDRAY_INLINE void AnswerWithoutSearch(const KernelJob& job, std::size_t row, bool valid) {
   if (job.hits != nullptr) {
     job.hits[row] = Hit{};
     if (!valid) job.hits[row].t = std::numeric_limits<double>::quiet_NaN();
@@ -35,7 +35,7 @@ KDRAY_INLINE void AnswerWithoutSearch(const EngineJob& job, std::size_t row, boo
 
 /// Begins the search of a ray that PrepareUsual has taken.
 template <class Search>
-KDRAY_INLINE void BeginUsualSearch(const EngineJob& job, const FrameVectors& frame,
+KDRAY_INLINE void BeginUsualSearch(const KernelJob& job, const FrameVectors& frame,
                                    const LocalRay& usual, std::size_t row, Search* search) {
   if constexpr (Search::kBeginsUsual) {
     search->BeginUsual(job, frame, usual, row);
@@ -47,7 +47,7 @@ KDRAY_INLINE void BeginUsualSearch(const EngineJob& job, const FrameVectors& fra
 /// Begins a row's search. False when the row has its answer already: it cannot be, or does not meet
 /// the mesh's box.
 template <class Search>
-KDRAY_INLINE bool BeginSearch(const EngineJob& job, const FrameVectors& frame, std::size_t row,
+KDRAY_INLINE bool BeginSearch(const KernelJob& job, const FrameVectors& frame, std::size_t row,
                               Search* search) {
   LocalRay usual;
   if (PrepareUsual(job.rays, row, frame, &usual, &search->cull)) {
@@ -70,9 +70,10 @@ KDRAY_INLINE bool BeginSearch(const EngineJob& job, const FrameVectors& frame, s
 }
 
 template <class Search, bool kAny>
-class Wave {
+class Interleaved {
  public:
-  explicit Wave(const EngineJob& job) : job_(job), tree_(*job.tree), frame_(job.mesh->frame()) {
+  explicit Interleaved(const KernelJob& job)
+      : job_(job), tree_(*job.tree), frame_(job.mesh->frame()) {
     // A step stores all eight places of the stack above its top.
     capacity_ = tree_.stack_size + WideNode::kWidth;
     memory_.resize(2 * kSlots * capacity_);
@@ -188,7 +189,7 @@ class Wave {
     }
   }
 
-  const EngineJob& job_;
+  const KernelJob& job_;
   const WideTree& tree_;
   const FrameVectors frame_;
   std::size_t capacity_ = 0;
@@ -201,7 +202,7 @@ class Wave {
 };
 
 template <class Search, bool kAny>
-void TraceByWave(const EngineJob& job, std::size_t first, std::size_t last) {
+void TraceInterleaved(const KernelJob& job, std::size_t first, std::size_t last) {
   if (job.tree->root == WideChild::kEmpty) {
     for (std::size_t i = first; i < last; ++i) {
       const std::size_t row = job.rows != nullptr ? job.rows[i] : i;
@@ -209,8 +210,8 @@ void TraceByWave(const EngineJob& job, std::size_t first, std::size_t last) {
     }
     return;
   }
-  const auto wave = std::make_unique<Wave<Search, kAny>>(job);
-  wave->Run(first, last);
+  const auto interleaved = std::make_unique<Interleaved<Search, kAny>>(job);
+  interleaved->Run(first, last);
 }
 
 }  // namespace kdray::core::KDRAY_ISA

@@ -17,44 +17,45 @@ KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
 template <class Search>
-EngineFunction FindFor(Engine engine, bool any) {
-  if (engine == Engine::kHybrid) {
-    return any ? &TraceByHybrid<Search, true> : &TraceByHybrid<Search, false>;
+KernelFunction FindFor(KernelKind kernel, bool any) {
+  if (kernel == KernelKind::kStream) {
+    return any ? &TraceStream<Search, true> : &TraceStream<Search, false>;
   }
-  return any ? &TraceByWave<Search, true> : &TraceByWave<Search, false>;
+  return any ? &TraceInterleaved<Search, true> : &TraceInterleaved<Search, false>;
 }
 
 template <class Hits, class Search, bool kAny>
-void TraceByFrustumOr(const EngineJob& job, std::size_t first, std::size_t last) {
-  TraceByFrustum<Hits>(job, first, last,
-                       FindFor<Search>(job.alike ? Engine::kHybrid : Engine::kWave, kAny));
+void TraceFrustumOr(const KernelJob& job, std::size_t first, std::size_t last) {
+  TraceFrustum<Hits>(
+      job, first, last,
+      FindFor<Search>(job.alike ? KernelKind::kStream : KernelKind::kInterleaved, kAny));
 }
 template <class ClosestHits, class Search>
-EngineFunction FindFrustum(bool any) {
-  return any ? &TraceByFrustumOr<AnyPacketHits<ClosestHits>, Search, true>
-             : &TraceByFrustumOr<ClosestHits, Search, false>;
+KernelFunction FindFrustum(bool any) {
+  return any ? &TraceFrustumOr<AnyPacketHits<ClosestHits>, Search, true>
+             : &TraceFrustumOr<ClosestHits, Search, false>;
 }
 
-EngineFunction Find(Engine engine, Precision precision, bool double_vertices, bool any) {
-  if (engine == Engine::kFrustum) {
+KernelFunction Find(KernelKind kernel, Precision precision, bool double_vertices, bool any) {
+  if (kernel == KernelKind::kFrustum) {
     if (precision == Precision::kFast) return FindFrustum<FastPacketHits, FastSearch>(any);
     if (precision == Precision::kWatertight) {
       return FindFrustum<WatertightPacketHits, WatertightSearch>(any);
     }
   }
   // The other precisions have no frustum of their own.
-  if (engine == Engine::kFrustum) engine = Engine::kWave;
+  if (kernel == KernelKind::kFrustum) kernel = KernelKind::kInterleaved;
   switch (precision) {
     case Precision::kFast:
-      return FindFor<FastSearch>(engine, any);
+      return FindFor<FastSearch>(kernel, any);
     case Precision::kWatertight:
-      return FindFor<WatertightSearch>(engine, any);
+      return FindFor<WatertightSearch>(kernel, any);
     case Precision::kDouble:
-      return double_vertices ? FindFor<DoubleSearch<double>>(engine, any)
-                             : FindFor<DoubleSearch<float>>(engine, any);
+      return double_vertices ? FindFor<DoubleSearch<double>>(kernel, any)
+                             : FindFor<DoubleSearch<float>>(kernel, any);
     case Precision::kExact:
-      return double_vertices ? FindFor<ExactSearch<double>>(engine, any)
-                             : FindFor<ExactSearch<float>>(engine, any);
+      return double_vertices ? FindFor<ExactSearch<double>>(kernel, any)
+                             : FindFor<ExactSearch<float>>(kernel, any);
   }
   return nullptr;
 }

@@ -49,8 +49,8 @@ struct FrustumRays {
   static constexpr std::size_t kGroups = kRays / 16;
   static constexpr std::uint64_t kAll = ~std::uint64_t{0};
 
-  alignas(64) float direction[3][kRays];  // as FastTest has it
-  alignas(64) float shear[2][kRays];      // as WatertightTest<float> has it
+  alignas(64) float direction[3][kRays];  // as FastIntersection has it
+  alignas(64) float shear[2][kRays];      // as WatertightIntersection<float> has it
   alignas(64) float offset[2][kRays];     // shear - shear_middle
   alignas(64) float exit[kRays];          // how far each reaches from the origin, rounded outward
   // The caller's interval, rounded inward: exact for float s.
@@ -75,7 +75,7 @@ struct FrustumRays {
 
   /// Whether the 64 rays of these rows are such a packet; fills everything in if so. A target is
   /// looked for where only "any" is asked: then nothing depends on the end to begin from.
-  bool Gather(const EngineJob& job, std::size_t first);
+  bool Gather(const KernelJob& job, std::size_t first);
 
   /// As the leaf tests have it, of the rays at 16 places.
   KDRAY_INLINE F16 OriginAt(std::uint32_t its_axis, const std::uint32_t* place) const {
@@ -97,7 +97,7 @@ struct FrustumRays {
     return Bits(Less(high, LookUp64(s_min, place)) | Less(LookUp64(s_max, place), low));
   }
 
-  /// WatertightTest<double>'s of four rays, beginning at `place`.
+  /// WatertightIntersection<double>'s of four rays, beginning at `place`.
   struct Shear {
     D4 x, y, inverse_z;
   };
@@ -113,13 +113,13 @@ struct FrustumRays {
     alignas(32) double origin[3][kRays], t_min[kRays], t_max[kRays];
   };
 
-  static bool IsTile(const EngineJob& job, std::size_t first);
+  static bool IsTile(const KernelJob& job, std::size_t first);
   bool SetOrigin(const MeshFrame& frame, const Vec3d& local);
   void ChooseAxes(const Vec3d& d);
-  bool GatherFloats(const EngineJob& job, std::size_t first, Given* given);
-  bool GatherDoubles(const EngineJob& job, std::size_t first, Given* given);
+  bool GatherFloats(const KernelJob& job, std::size_t first, Given* given);
+  bool GatherDoubles(const KernelJob& job, std::size_t first, Given* given);
   bool FindRanges();
-  bool FindIntervals(const EngineJob& job, std::size_t first);
+  bool FindIntervals(const KernelJob& job, std::size_t first);
   bool FindTarget(const MeshFrame& frame, const Given& given);
   KDRAY_INLINE D4 DirectionAt(std::size_t k, std::size_t place) const {
     return given_in_double_ ? Load4(direction_double_[k] + place) : Widen4(direction[k] + place);
@@ -130,12 +130,12 @@ struct FrustumRays {
   alignas(32) double direction_double_[3][kRays];
 };
 
-KDRAY_INLINE std::size_t RowAt(const EngineJob& job, std::size_t i) {
+KDRAY_INLINE std::size_t RowAt(const KernelJob& job, std::size_t i) {
   return job.rows != nullptr ? job.rows[i] : i;
 }
 
 /// The first eight rays are a row of pixels, and the ninth is next to the first.
-inline bool FrustumRays::IsTile(const EngineJob& job, std::size_t first) {
+inline bool FrustumRays::IsTile(const KernelJob& job, std::size_t first) {
   const auto at = [&](std::size_t i) KDRAY_LAMBDA {
     const std::size_t row = RowAt(job, first + i);
     return job.rays.floats() != nullptr ? job.rays.floats()[row].direction
@@ -162,7 +162,7 @@ inline void FrustumRays::ChooseAxes(const Vec3d& d) {
   axis[1] = axis[0] == 2 ? 0 : axis[0] + 1;
 }
 
-inline bool FrustumRays::Gather(const EngineJob& job, std::size_t first) {
+inline bool FrustumRays::Gather(const KernelJob& job, std::size_t first) {
   // Cheap doubts first: most packets that are none differ in their ends.
   const Ray one = job.rays[RowAt(job, first)];
   const Ray other = job.rays[RowAt(job, first + kRays - 1)];
@@ -193,7 +193,7 @@ inline bool FrustumRays::Gather(const EngineJob& job, std::size_t first) {
 /// direction, shear and scale of float rays. What MakeLocalRay computes in double comes out the
 /// same in float: the scaling is exact, and a quotient of floats that is rounded to double and then
 /// to float is the rounded quotient (Figueroa 1995, 53 >= 2 * 24 + 2).
-inline bool FrustumRays::GatherFloats(const EngineJob& job, std::size_t first, Given* given) {
+inline bool FrustumRays::GatherFloats(const KernelJob& job, std::size_t first, Given* given) {
   const RayF* rays = job.rays.floats();
   const RayF& one = rays[RowAt(job, first)];
   U4 first_origin, differs = {};
@@ -235,7 +235,7 @@ inline bool FrustumRays::GatherFloats(const EngineJob& job, std::size_t first, G
   return usual == 0xffu;
 }
 
-inline bool FrustumRays::GatherDoubles(const EngineJob& job, std::size_t first, Given* given) {
+inline bool FrustumRays::GatherDoubles(const KernelJob& job, std::size_t first, Given* given) {
   const Ray* rays = job.rays.doubles();
   const Ray& one = rays[RowAt(job, first)];
   whole_lines_ = true;
@@ -314,7 +314,7 @@ inline bool FrustumRays::FindRanges() {
   return true;
 }
 
-inline bool FrustumRays::FindIntervals(const EngineJob& job, std::size_t first) {
+inline bool FrustumRays::FindIntervals(const KernelJob& job, std::size_t first) {
   if (whole_lines_) {
     enter = -0x1p-20f;
     for (std::size_t i = 0; i < kRays; i += 16) {

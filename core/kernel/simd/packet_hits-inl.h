@@ -67,7 +67,7 @@ struct PacketHits {
 
 /// Hits of four rays, from columns to rows, to where the rays came from: `four` counts them in
 /// fours.
-KDRAY_INLINE void StoreHits(const EngineJob& job, std::size_t first, const PacketOrder& order,
+KDRAY_INLINE void StoreHits(const KernelJob& job, std::size_t first, const PacketOrder& order,
                             std::size_t four, D4 t, D4 u, D4 v, const std::uint32_t* found) {
   static_assert(sizeof(Hit) == 32 && offsetof(Hit, primitive_id) == 24);
   U4 id32;
@@ -91,7 +91,7 @@ KDRAY_INLINE void StoreHits(const EngineJob& job, std::size_t first, const Packe
   }
 }
 
-/// The closest hits of 64 rays by FastTest.
+/// The closest hits of 64 rays by FastIntersection.
 struct FastPacketHits : PacketHits {
   static constexpr Precision kPrecision = Precision::kFast;
   alignas(64) float s[kRays + 1], u[kRays + 1], v[kRays + 1];
@@ -134,7 +134,7 @@ struct FastPacketHits : PacketHits {
     lanes.s = ((c[0] * q[0] + c[1] * q[1]) + c[2] * q[2]) * inverse;
     const auto gap_is_small = [&](int k) KDRAY_LAMBDA {
       const F16 gap = (from_a[k] + d[k] * lanes.s) - (b[k] * lanes.u + c[k] * lanes.v);
-      return LessEqual(Abs(gap), Set16(FastTest::kTolerance));
+      return LessEqual(Abs(gap), Set16(FastIntersection::kTolerance));
     };
     lanes.certain = Bits(gap_is_small(0) & gap_is_small(1) & gap_is_small(2));
     return lanes;
@@ -173,7 +173,7 @@ struct FastPacketHits : PacketHits {
     PacketHits::Begin();
     for (float& x : s) x = std::numeric_limits<float>::infinity();
   }
-  void Finish(const EngineJob& job, std::size_t first, const FrustumRays& rays) {
+  void Finish(const KernelJob& job, std::size_t first, const FrustumRays& rays) {
     const D4 zero = Set4(0);
     for (std::size_t four = 0; four < kRays / 4; ++four) {
       const std::size_t place = rays.order->place_of_four[four];
@@ -185,9 +185,9 @@ struct FastPacketHits : PacketHits {
   }
 };
 
-/// The closest hits of 64 rays by WatertightTest<float>. The float arithmetic says exactly which
-/// triangles are hit; their s, a matter of double, it knows to within an error that it bounds. That
-/// decides all but a few rays; the s of the winners is computed at the end.
+/// The closest hits of 64 rays by WatertightIntersection<float>. The float arithmetic says exactly
+/// which triangles are hit; their s, a matter of double, it knows to within an error that it
+/// bounds. That decides all but a few rays; the s of the winners is computed at the end.
 struct WatertightPacketHits : PacketHits {
   static constexpr Precision kPrecision = Precision::kWatertight;
   // Around the s of the closest hit so far.
@@ -278,7 +278,7 @@ struct WatertightPacketHits : PacketHits {
     for (float& x : high) x = std::numeric_limits<float>::infinity();
   }
 
-  void Finish(const EngineJob& job, std::size_t first, const FrustumRays& rays) {
+  void Finish(const KernelJob& job, std::size_t first, const FrustumRays& rays) {
     // Each ray with the triangle that it found; all corners first, as what was just stored a number
     // at a time is slow to load as a vector.
     alignas(64) float corner[3][3][kRays] = {};
@@ -317,7 +317,7 @@ struct WatertightPacketHits : PacketHits {
 template <class ClosestHits>
 struct AnyPacketHits {
   static constexpr Precision kPrecision = ClosestHits::kPrecision;
-  /// Few: lit rays see everything on their way, and the hybrid's rays stop at the first hit.
+  /// Few: lit rays see everything on their way, and the stream's rays stop at the first hit.
   static constexpr std::size_t kMostWork = 100;
   std::uint64_t alone = 0;
   std::uint64_t occluded = 0;
@@ -353,7 +353,7 @@ struct AnyPacketHits {
     alone = occluded = 0;
     for (float& x : exit) x = std::numeric_limits<float>::infinity();
   }
-  void Finish(const EngineJob& job, std::size_t first, const FrustumRays& rays) {
+  void Finish(const KernelJob& job, std::size_t first, const FrustumRays& rays) {
     alone &= ~occluded;
     for (std::size_t i = 0; i < FrustumRays::kRays; ++i) {
       job.occluded[RowAt(job, first + i)] =

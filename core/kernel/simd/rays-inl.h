@@ -27,8 +27,8 @@ struct CullRay {
   std::uint32_t far_plane[4];
   std::uint32_t octant;
 
-  float origin[4], direction[4];  // as FastTest has them
-  std::uint32_t axis[3];          // as WatertightTest has them: x, y, z
+  float origin[4], direction[4];  // as FastIntersection has them
+  std::uint32_t axis[3];          // as WatertightIntersection has them: x, y, z
   float shear[2];
   double shear_double[2], inverse_z;
 };
@@ -150,7 +150,8 @@ KDRAY_INLINE bool PrepareUsual(const RayBatch& rays, std::size_t row, const Fram
   return true;
 }
 
-/// What the filters of projected triangles need besides; the quotients are as WatertightTest's.
+/// What the filters of projected triangles need besides; the quotients are as
+/// WatertightIntersection's.
 inline void PrepareShear(const LocalRay& local, CullRay* ray) {
   const double x = std::fabs(local.direction.x);
   const double y = std::fabs(local.direction.y);

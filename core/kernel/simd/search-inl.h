@@ -62,29 +62,29 @@ struct RoundedSearch {
     cull.exit = std::min(cull.exit, RoundedUp(s + std::fabs(shift) * 0x1p-50));
   }
   /// For the few triangles that the vector form leaves open.
-  __attribute__((noinline)) void Judge(const EngineJob& job, PrimitiveId id) {
-    job.poll->Spend(4 * job.judge->work());
+  __attribute__((noinline)) void DecideByScalar(const KernelJob& job, PrimitiveId id) {
+    job.poll->Spend(4 * job.scalar->work());
     const Ray ray = job.rays[row];
     const std::optional<LocalRay> local = MakeLocalRay(ray, job.mesh->frame());
-    LeafHit hit;
-    if (local && job.judge->Test(*local, id, &hit)) Offer(hit.s, hit.u, hit.v, id);
+    TriangleHit hit;
+    if (local && job.scalar->Test(*local, id, &hit)) Offer(hit.s, hit.u, hit.v, id);
   }
 
   struct Answers {
-    KDRAY_INLINE void Add(const EngineJob& job, const RoundedSearch& search) {
+    KDRAY_INLINE void Add(const KernelJob& job, const RoundedSearch& search) {
       job.hits[search.row] = search.found ? Hit{ToCallerT(search.best_key, search.exponent),
                                                 search.best_u, search.best_v, search.best_id}
                                           : Hit{};
     }
-    void Flush(const EngineJob&) {}
+    void Flush(const KernelJob&) {}
   };
 };
 
-/// FastTest on eight triangles at once.
+/// FastIntersection on eight triangles at once.
 struct FastSearch : RoundedSearch {
-  void Begin(const EngineJob&, const LocalRay& local, std::size_t at) { BeginRounded(local, at); }
+  void Begin(const KernelJob&, const LocalRay& local, std::size_t at) { BeginRounded(local, at); }
 
-  KDRAY_INLINE void Test(const EngineJob& job, const LeafBlock& block, unsigned lanes) {
+  KDRAY_INLINE void Test(const KernelJob& job, const LeafBlock& block, unsigned lanes) {
     F8 a[3], b[3], c[3], d[3], from_a[3];
     for (int k = 0; k < 3; ++k) {
       a[k] = Load(block.corner[0][k]);
@@ -109,7 +109,7 @@ struct FastSearch : RoundedSearch {
     if (candidates == 0) return;
 
     const F8 s = ((c[0] * q[0] + c[1] * q[1]) + c[2] * q[2]) * inverse;
-    const F8 tolerance = Set8(FastTest::kTolerance);
+    const F8 tolerance = Set8(FastIntersection::kTolerance);
     const auto gap_is_small = [&](int k) {
       return LessEqual(Abs((from_a[k] + d[k] * s) - (b[k] * u + c[k] * v)), tolerance);
     };
@@ -125,7 +125,7 @@ struct FastSearch : RoundedSearch {
         Offer(static_cast<double>(s_of[lane]), static_cast<double>(u_of[lane]) + 0.0,
               static_cast<double>(v_of[lane]) + 0.0, block.IdOf(lane));
       } else {
-        Judge(job, block.IdOf(lane));
+        DecideByScalar(job, block.IdOf(lane));
       }
     } while (candidates != 0);
   }
@@ -188,17 +188,17 @@ struct DoubleRay {
   }
 };
 
-/// WatertightTest<float> on eight triangles at once.
+/// WatertightIntersection<float> on eight triangles at once.
 struct WatertightSearch : RoundedSearch {
   DoubleRay exact;
 
-  void Begin(const EngineJob&, const LocalRay& local, std::size_t at) {
+  void Begin(const KernelJob&, const LocalRay& local, std::size_t at) {
     BeginRounded(local, at);
     PrepareShear(local, &cull);
     exact.Begin(local, cull);
   }
 
-  KDRAY_INLINE void Test(const EngineJob& job, const LeafBlock& block, unsigned lanes) {
+  KDRAY_INLINE void Test(const KernelJob& job, const LeafBlock& block, unsigned lanes) {
     const EdgeFunctions w = EdgesOf(Project(cull, block));
     const F8 zero = Set8(0);
     const unsigned candidates = w.OneSign() & lanes;
@@ -220,7 +220,7 @@ struct WatertightSearch : RoundedSearch {
         if ((decided >> lane & 1u) != 0) {
           Offer(decision.s[lane], decision.u[lane], decision.v[lane], id);
         } else {
-          Judge(job, id);
+          DecideByScalar(job, id);
         }
       } while (four != 0);
     }
@@ -255,7 +255,7 @@ struct GatheredCorners {
 /// Calls visit(corner_at, ids, four) for the candidates, up to four together, with one of the two
 /// above; only the lanes in `four` count.
 template <class Stored, class Visit>
-KDRAY_INLINE void VisitFours(const EngineJob& job, const LeafBlock& block, unsigned candidates,
+KDRAY_INLINE void VisitFours(const KernelJob& job, const LeafBlock& block, unsigned candidates,
                              const Visit& visit) {
   PrimitiveId ids[4];
   if constexpr (sizeof(Stored) == sizeof(float)) {
@@ -284,18 +284,18 @@ KDRAY_INLINE void VisitFours(const EngineJob& job, const LeafBlock& block, unsig
   }
 }
 
-/// WatertightTest<double>, four triangles at once, with the mesh's own vertices.
+/// WatertightIntersection<double>, four triangles at once, with the mesh's own vertices.
 template <class Stored>
 struct DoubleSearch : RoundedSearch {
   DoubleRay exact;
 
-  void Begin(const EngineJob&, const LocalRay& local, std::size_t at) {
+  void Begin(const KernelJob&, const LocalRay& local, std::size_t at) {
     BeginRounded(local, at);
     PrepareShear(local, &cull);
     exact.Begin(local, cull);
   }
 
-  KDRAY_INLINE void Test(const EngineJob& job, const LeafBlock& block, unsigned lanes) {
+  KDRAY_INLINE void Test(const KernelJob& job, const LeafBlock& block, unsigned lanes) {
     VisitFours<Stored>(job, block, FilterRelaxed(cull, block) & lanes,
                        [&](const auto& corner_at, const PrimitiveId* ids, unsigned four)
                            KDRAY_LAMBDA {

@@ -1,4 +1,4 @@
-// The hybrid: up to 64 rays of one octant, each with an origin of its own, that go through the tree
+// A stream: up to 64 rays of one octant, each with an origin of its own, that go through the tree
 // together. A node is looked at once for all of them, and so is a block of triangles, but each ray
 // has its own test of the eight boxes, or of the eight triangles. For rays that are alike but share
 // nothing, as shadow rays of neighbouring pixels, or shuffled ones that were sorted.
@@ -24,9 +24,9 @@ KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
 template <class Search, bool kAny>
-class Hybrid {
+class Stream {
  public:
-  explicit Hybrid(const EngineJob& job) : job_(job), tree_(*job.tree), frame_(job.mesh->frame()) {
+  explicit Stream(const KernelJob& job) : job_(job), tree_(*job.tree), frame_(job.mesh->frame()) {
     // A step stores all eight places of the stack above its top.
     const std::size_t capacity = tree_.stack_size + WideNode::kWidth;
     enter_.resize(capacity);
@@ -237,7 +237,7 @@ class Hybrid {
     }
   }
 
-  const EngineJob& job_;
+  const KernelJob& job_;
   const WideTree& tree_;
   const FrameVectors frame_;
   // The stack.
@@ -252,12 +252,12 @@ class Hybrid {
 };
 
 template <class Search, bool kAny>
-void TraceByHybrid(const EngineJob& job, std::size_t first, std::size_t last) {
+void TraceStream(const KernelJob& job, std::size_t first, std::size_t last) {
   if (job.tree->root == WideChild::kEmpty) {
-    return TraceByWave<Search, kAny>(job, first, last);
+    return TraceInterleaved<Search, kAny>(job, first, last);
   }
-  const auto hybrid = std::make_unique<Hybrid<Search, kAny>>(job);
-  hybrid->Run(first, last);
+  const auto stream = std::make_unique<Stream<Search, kAny>>(job);
+  stream->Run(first, last);
 }
 
 }  // namespace kdray::core::KDRAY_ISA

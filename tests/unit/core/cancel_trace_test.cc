@@ -22,9 +22,9 @@ namespace {
 
 using core::BuildKind;
 using core::CancelToken;
-using core::Engine;
 using core::ErrorCode;
 using core::Hit;
+using core::KernelKind;
 using core::Precision;
 using core::Ray;
 using core::Scene;
@@ -75,7 +75,7 @@ struct Query {
   std::string name;
   std::function<Status(const Scene&, std::span<const Ray>, core::TraceOptions)> run;
 };
-std::vector<Query> EngineQueries() {
+std::vector<Query> KernelQueries() {
   return {
       {"closest",
        [](const Scene& scene, std::span<const Ray> rays, const core::TraceOptions& options) {
@@ -112,8 +112,8 @@ std::vector<Query> OtherQueries() {
 TEST(CancelledTrace, EndsWithinOneExactRayThroughTheApexOfAFan) {
   const Scene scene = test::MakeScene(Fan(100000), BuildKind::kBox);
   const std::vector<Ray> rays(4, ThroughApex());
-  for (const Engine engine : core::kAllEngines) {
-    core::TraceOptions options{Precision::kExact, {}, engine};
+  for (const KernelKind kernel : core::kAllKernelKinds) {
+    core::TraceOptions options{Precision::kExact, {}, kernel};
     ExpectPrompt(test::CancelDuring(milliseconds(30),
                                     [&](const CancelToken& token) {
                                       options.cancel = token;
@@ -121,7 +121,7 @@ TEST(CancelledTrace, EndsWithinOneExactRayThroughTheApexOfAFan) {
                                       return core::TraceClosest(scene, std::span(rays), options,
                                                                 hits);
                                     }),
-                 std::string(Name(engine)));
+                 std::string(Name(kernel)));
   }
   for (const Query& query : OtherQueries()) {
     ExpectPrompt(test::CancelDuring(milliseconds(30),
@@ -138,7 +138,7 @@ TEST(CancelledTrace, EndsAmongExactRaysFromFarAway) {
   ray.origin = core::Vec3d{0.3, 0.5, 0.7} * 1e16;
   ray.direction = {-0.3, -0.5, -0.7};
   const std::vector<Ray> rays(4, ray);
-  for (const std::vector<Query>& queries : {EngineQueries(), OtherQueries()}) {
+  for (const std::vector<Query>& queries : {KernelQueries(), OtherQueries()}) {
     for (const Query& query : queries) {
       if (query.name == "costly") continue;  // builds its tree first: tests of builds look at that
       ExpectPrompt(
@@ -156,7 +156,7 @@ TEST(CancelledTrace, EndsAmongExactRaysFromFarAway) {
   }
 }
 
-TEST(CancelledTrace, EndsWithinAFullLeafInEveryEngineAndPrecision) {
+TEST(CancelledTrace, EndsWithinAFullLeafInEveryKernelAndPrecision) {
   // All in one leaf, all hit by every ray.
   const Scene scene = test::MakeScene(test::Coincident(1 << 20), BuildKind::kBox);
   std::vector<Ray> rays = Beam(scene, 64);
@@ -164,8 +164,8 @@ TEST(CancelledTrace, EndsWithinAFullLeafInEveryEngineAndPrecision) {
   std::vector<Ray> short_rays = rays;
   for (Ray& ray : short_rays) ray.t_max = 0.99;
   for (const Precision precision : core::kAllPrecisions) {
-    for (const Engine engine : core::kAllEngines) {
-      for (const Query& query : EngineQueries()) {
+    for (const KernelKind kernel : core::kAllKernelKinds) {
+      for (const Query& query : KernelQueries()) {
         const bool any = query.name == "any";
         ExpectPrompt(
             test::CancelDuring(
@@ -174,11 +174,11 @@ TEST(CancelledTrace, EndsWithinAFullLeafInEveryEngineAndPrecision) {
                   // Again and again, so that the cancellation meets it at work.
                   Status status;
                   while (status.ok()) {
-                    status = query.run(scene, any ? short_rays : rays, {precision, token, engine});
+                    status = query.run(scene, any ? short_rays : rays, {precision, token, kernel});
                   }
                   return status;
                 }),
-            query.name + " by " + std::string(Name(engine)) + " in " +
+            query.name + " by " + std::string(Name(kernel)) + " in " +
                 std::string(Name(precision)));
       }
     }
@@ -213,23 +213,23 @@ TEST(CancelledTrace, AnswersFullyOrNotAtAllWheneverItIsCancelled) {
   for (std::size_t i = 0; i < rays.size(); ++i) {
     expected[i] = core::ClosestHit(scene, rays[i], Precision::kExact);
   }
-  for (const Engine engine : core::kAllEngines) {
+  for (const KernelKind kernel : core::kAllKernelKinds) {
     bool completed = false;
     int cancelled = 0;
     for (std::uint64_t look = 1; !completed; look += 1 + look / 8) {
       std::vector<Hit> hits(rays.size());
       const Status status =
           core::TraceClosest(scene, std::span<const Ray>(rays),
-                             {Precision::kExact, test::CancelledAtLook(look), engine}, hits);
+                             {Precision::kExact, test::CancelledAtLook(look), kernel}, hits);
       if (status.ok()) {
         completed = true;
-        EXPECT_EQ(hits, expected) << Name(engine);
+        EXPECT_EQ(hits, expected) << Name(kernel);
       } else {
         ++cancelled;
         ASSERT_EQ(status.error().code, ErrorCode::kCancelled);
       }
     }
-    EXPECT_GT(cancelled, 3) << Name(engine);
+    EXPECT_GT(cancelled, 3) << Name(kernel);
   }
 }
 

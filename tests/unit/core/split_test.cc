@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "core/accel/kdtree/binned_split.h"
+#include "core/accel/kdtree/centroid_split.h"
 #include "core/accel/kdtree/event_sort.h"
-#include "core/accel/kdtree/note_split.h"
 #include "core/accel/kdtree/partition.h"
 #include "core/accel/kdtree/sweep_split.h"
 #include "core/accel/primitive_ref.h"
@@ -24,7 +24,7 @@ namespace {
 
 using core::BinnedCounts;
 using core::Bounds3f;
-using core::Reference;
+using core::PrimitiveRef;
 using core::SahCost;
 using core::Side;
 using core::SideCounts;
@@ -37,8 +37,8 @@ using Kind = SplitEvent::Kind;
 const Bounds3f kUnitCell{{-1, -1, -1}, {1, 1, 1}};
 
 // Intervals on a coarse grid, so that ends coincide and some are flat.
-std::vector<Reference> GridReferences(std::mt19937_64& engine, std::size_t count) {
-  std::vector<Reference> references;
+std::vector<PrimitiveRef> GridReferences(std::mt19937_64& engine, std::size_t count) {
+  std::vector<PrimitiveRef> references;
   for (std::size_t i = 0; i < count; ++i) {
     Bounds3f bounds;
     for (int axis = 0; axis < 3; ++axis) {
@@ -52,8 +52,8 @@ std::vector<Reference> GridReferences(std::mt19937_64& engine, std::size_t count
   return references;
 }
 
-std::vector<Reference> References(const TriangleMesh& mesh) {
-  const core::ReferenceArray references = core::MakeReferences(mesh);
+std::vector<PrimitiveRef> References(const TriangleMesh& mesh) {
+  const core::PrimitiveRefArray references = core::MakePrimitiveRefs(mesh);
   return {references.begin(), references.end()};
 }
 
@@ -61,9 +61,9 @@ struct Counted {
   std::size_t below = 0, planar = 0, above = 0;
 };
 
-Counted CountAt(const std::vector<Reference>& references, int axis, float plane) {
+Counted CountAt(const std::vector<PrimitiveRef>& references, int axis, float plane) {
   Counted counted;
-  for (const Reference& r : references) {
+  for (const PrimitiveRef& r : references) {
     counted.below += r.bounds.min[axis] < plane;
     counted.above += r.bounds.max[axis] > plane;
     counted.planar += r.bounds.min[axis] == plane && r.bounds.max[axis] == plane;
@@ -72,7 +72,7 @@ Counted CountAt(const std::vector<Reference>& references, int axis, float plane)
 }
 
 // The plainest search: every plane of a list, counted anew.
-void ConsiderAll(const std::vector<Reference>& references, int axis, std::vector<float> planes,
+void ConsiderAll(const std::vector<PrimitiveRef>& references, int axis, std::vector<float> planes,
                  SplitSearch* search) {
   std::sort(planes.begin(), planes.end());
   SplitSearch::Axis candidates(search, axis);
@@ -118,7 +118,7 @@ TEST(EventSorter, SortsAsComparisonsDo) {
   std::mt19937_64 engine = RandomEngine(26);
   core::EventSorter sorter;
   for (const std::size_t count : {0u, 1u, 9u, 256u, 3000u}) {
-    std::vector<Reference> references(count);
+    std::vector<PrimitiveRef> references(count);
     for (std::size_t i = 0; i < count; ++i) {
       references[i].id = static_cast<core::PrimitiveId>(i);
       for (int axis = 0; axis < 3; ++axis) {
@@ -146,11 +146,11 @@ TEST(EventSorter, SortsAsComparisonsDo) {
 }
 
 // None is planar; some reach beyond the unit cell.
-std::vector<Reference> ScatteredReferences(std::mt19937_64& engine, std::size_t count) {
+std::vector<PrimitiveRef> ScatteredReferences(std::mt19937_64& engine, std::size_t count) {
   std::uniform_real_distribution<float> place(-0.05f, 1.0f);
   std::uniform_real_distribution<float> width(0x1p-20f, 0.1f);
-  std::vector<Reference> references(count);
-  for (Reference& reference : references) {
+  std::vector<PrimitiveRef> references(count);
+  for (PrimitiveRef& reference : references) {
     for (int axis = 0; axis < 3; ++axis) {
       reference.bounds.min[axis] = place(engine);
       reference.bounds.max[axis] = reference.bounds.min[axis] + width(engine);
@@ -165,9 +165,9 @@ TEST(SweepAxis, FindsWhatCountingAnewAtEveryEndFinds) {
   const std::vector<double> costs = SubtreeCosts(cost, 256);
   for (int trial = 0; trial < 2000; ++trial) {
     // With planar triangles and equal places, or without any.
-    const std::vector<Reference> references = trial % 2 == 0
-                                                  ? GridReferences(engine, 1 + engine() % 40)
-                                                  : ScatteredReferences(engine, 1 + engine() % 256);
+    const std::vector<PrimitiveRef> references =
+        trial % 2 == 0 ? GridReferences(engine, 1 + engine() % 40)
+                       : ScatteredReferences(engine, 1 + engine() % 256);
     SplitSearch sweep(cost, kUnitCell, references.size());
     SplitSearch plain(cost, kUnitCell, references.size());
     for (int axis = 0; axis < 3; ++axis) {
@@ -216,9 +216,9 @@ TEST(BinnedSplit, CostsNoMoreThanTheBestOfAllItsPlanesCountedAnew) {
   const SahCost cost{1, 1.5, 0.8};
   int found = 0, planar = 0;
   for (int trial = 0; trial < 2000; ++trial) {
-    std::vector<Reference> references = GridReferences(engine, 1 + engine() % 200);
+    std::vector<PrimitiveRef> references = GridReferences(engine, 1 + engine() % 200);
     if (trial % 2 == 0) {
-      for (Reference& r : references) {
+      for (PrimitiveRef& r : references) {
         for (int axis = 0; axis < 3; ++axis) {
           r.bounds.min[axis] -= 0x1p-20f * static_cast<float>(engine() % 1000);
         }
@@ -251,7 +251,7 @@ TEST(BinnedSplit, CostsNoMoreThanTheBestOfAllItsPlanesCountedAnew) {
 TEST(BinnedSplit, HoldsForBoundsAFewFloatsWide) {
   for (const float low : {0.75f, 0.0f, -0x1p-149f, -1.0f}) {
     for (int width = 1; width < 40; ++width) {
-      std::vector<Reference> references;
+      std::vector<PrimitiveRef> references;
       float high = low;
       for (int i = 0; i < width; ++i) {
         const float end = std::nextafter(high, 2.0f);
@@ -273,8 +273,8 @@ TEST(BinnedSplit, HoldsForBoundsAFewFloatsWide) {
 }
 
 TEST(BinnedSplit, CutsOffEmptySpaceExactly) {
-  const std::vector<Reference> references = {{Bounds3f{{-0.3f, -1, -1}, {-0.1f, 1, 1}}, 0},
-                                             {Bounds3f{{-0.2f, -1, -1}, {0.7f, 1, 1}}, 1}};
+  const std::vector<PrimitiveRef> references = {{Bounds3f{{-0.3f, -1, -1}, {-0.1f, 1, 1}}, 0},
+                                                {Bounds3f{{-0.2f, -1, -1}, {0.7f, 1, 1}}, 1}};
   const auto split = BinnedCounts(references, core::UnionBounds(references))
                          .FindSplit(kUnitCell, SahCost{1, 10, 0.1});
   ASSERT_TRUE(split);
@@ -285,7 +285,7 @@ TEST(BinnedSplit, CutsOffEmptySpaceExactly) {
 
 TEST(BinnedSplit, IsTheSameForEveryNumberOfThreads) {
   const TriangleMesh mesh = TriangleMesh::Create(Soup(60'000, 0.02, 3)).value();
-  const std::vector<Reference> references = References(mesh);
+  const std::vector<PrimitiveRef> references = References(mesh);
   const Bounds3f cell = core::UnionBounds(references);
   const auto alone = BinnedCounts(references, cell).FindSplit(cell, SahCost{});
   ASSERT_TRUE(alone);
@@ -315,9 +315,9 @@ TEST(CyclicSplit, FindsWhatTheNotesAlgorithm1Finds) {
   for (const auto& data : {Soup(200, 0.2, 4), UvSphere({0, 0, 0}, 1, 8, 12),
                            Join(Grid(5, 0, 0.5), Grid(5, 2, 0.25))}) {
     const TriangleMesh mesh = TriangleMesh::Create(data).value();
-    const std::vector<Reference> references = References(mesh);
+    const std::vector<PrimitiveRef> references = References(mesh);
     const Bounds3f cell = core::UnionBounds(references);
-    core::NoteSplitFinder finder(mesh, cost);
+    core::CentroidSplitFinder finder(mesh, cost);
     for (int depth = 0; depth < 6; ++depth) {
       SplitSearch plain(cost, cell, references.size());
       ConsiderAll(references, depth % 3, Centroids(mesh, depth % 3), &plain);
@@ -329,9 +329,9 @@ TEST(CyclicSplit, FindsWhatTheNotesAlgorithm1Finds) {
 
 TEST(CyclicSplit, TakesTheNextAxisWhereNoPlaneBeatsTheLeaf) {
   const TriangleMesh mesh = TriangleMesh::Create(Grid(8, 2, 0.5)).value();
-  const std::vector<Reference> references = References(mesh);
+  const std::vector<PrimitiveRef> references = References(mesh);
   const SahCost cost;
-  core::NoteSplitFinder finder(mesh, cost);
+  core::CentroidSplitFinder finder(mesh, cost);
   const auto split = finder.FindCyclic(references, core::UnionBounds(references), 2);
   ASSERT_TRUE(split);
   EXPECT_EQ(split->plane.axis, 0);
@@ -339,9 +339,9 @@ TEST(CyclicSplit, TakesTheNextAxisWhereNoPlaneBeatsTheLeaf) {
 
 TEST(MedianSplit, HalvesTrianglesThatAreApart) {
   const TriangleMesh mesh = TriangleMesh::Create(Staircase(64)).value();
-  const std::vector<Reference> references = References(mesh);
+  const std::vector<PrimitiveRef> references = References(mesh);
   const SahCost cost;
-  core::NoteSplitFinder finder(mesh, cost);
+  core::CentroidSplitFinder finder(mesh, cost);
   for (int depth = 0; depth < 6; ++depth) {
     const auto split = finder.FindMedian(references, core::UnionBounds(references), depth);
     ASSERT_TRUE(split);
@@ -353,9 +353,9 @@ TEST(MedianSplit, HalvesTrianglesThatAreApart) {
 
 TEST(MedianSplit, FindsNothingWhenEveryPlaneKeepsEverythingTogether) {
   const TriangleMesh mesh = TriangleMesh::Create(Coincident(50)).value();
-  const std::vector<Reference> references = References(mesh);
+  const std::vector<PrimitiveRef> references = References(mesh);
   const SahCost cost;
-  core::NoteSplitFinder finder(mesh, cost);
+  core::CentroidSplitFinder finder(mesh, cost);
   EXPECT_FALSE(finder.FindMedian(references, core::UnionBounds(references), 0));
 }
 
@@ -364,7 +364,7 @@ TEST(SideOf, SendsTrianglesThatEndInThePlaneToOneSide) {
   SplitCandidate above = split;
   above.planar_below = false;
   const auto at = [](float low, float high) {
-    return Reference{Bounds3f{{low, 0, 0}, {high, 1, 1}}, 0};
+    return PrimitiveRef{Bounds3f{{low, 0, 0}, {high, 1, 1}}, 0};
   };
   EXPECT_EQ(SideOf(at(0, 0.5f), split), Side::kBelow);
   EXPECT_EQ(SideOf(at(0.5f, 1), split), Side::kAbove);
@@ -377,7 +377,7 @@ TEST(Distribute, GivesTheSameInParallelAndDropsPartsThatAreEmpty) {
   const TriangleMesh mesh = TriangleMesh::Create(Soup(30'000, 0.3, 5)).value();
   const Bounds3f whole = core::UnionBounds(References(mesh));
   // Bounds that reach beyond the cell's part of many triangles, so that some parts are empty.
-  const std::vector<Reference> references = References(mesh);
+  const std::vector<PrimitiveRef> references = References(mesh);
   const core::SplitPlane plane{1, whole.min.y * 0.5f + whole.max.y * 0.5f};
   SplitCandidate split;
   split.plane = plane;
@@ -385,15 +385,15 @@ TEST(Distribute, GivesTheSameInParallelAndDropsPartsThatAreEmpty) {
   cell.max.x = whole.min.x + 0.3f * (whole.max.x - whole.min.x);
 
   const SideCounts room = CountSides(references, split);
-  std::vector<Reference> below(references.size()), cut(references.size());
-  std::vector<Reference> above = references;  // in place
+  std::vector<PrimitiveRef> below(references.size()), cut(references.size());
+  std::vector<PrimitiveRef> above = references;  // in place
   const SideCounts used =
       Distribute(mesh, above, cell, split, below.data(), above.data(), cut.data());
   EXPECT_LT(used.below, room.below);
   below.resize(used.below);
   above.resize(used.above);
-  for (const Reference& r : below) EXPECT_LE(r.bounds.max.y, plane.position);
-  for (const Reference& r : above) EXPECT_GE(r.bounds.min.y, plane.position);
+  for (const PrimitiveRef& r : below) EXPECT_LE(r.bounds.max.y, plane.position);
+  for (const PrimitiveRef& r : above) EXPECT_GE(r.bounds.min.y, plane.position);
 
   core::Arena arena(4);
   arena.Run([&] {
@@ -401,13 +401,13 @@ TEST(Distribute, GivesTheSameInParallelAndDropsPartsThatAreEmpty) {
     DistributeInParallel(mesh, references, cell, split, &share_below, &share_above);
     EXPECT_EQ(share_below.bounds, core::UnionBounds(below));
     EXPECT_EQ(share_above.bounds, core::UnionBounds(above));
-    std::vector<Reference> parallel_below(share_below.references.begin(),
-                                          share_below.references.end());
-    std::vector<Reference> parallel_above(share_above.references.begin(),
-                                          share_above.references.end());
+    std::vector<PrimitiveRef> parallel_below(share_below.references.begin(),
+                                             share_below.references.end());
+    std::vector<PrimitiveRef> parallel_above(share_above.references.begin(),
+                                             share_above.references.end());
     // In another order, since each piece of the work puts those that are cut last.
-    for (std::vector<Reference>* v : {&below, &above, &parallel_below, &parallel_above}) {
-      std::ranges::sort(*v, {}, &Reference::id);
+    for (std::vector<PrimitiveRef>* v : {&below, &above, &parallel_below, &parallel_above}) {
+      std::ranges::sort(*v, {}, &PrimitiveRef::id);
     }
     EXPECT_EQ(parallel_below, below);
     EXPECT_EQ(parallel_above, above);

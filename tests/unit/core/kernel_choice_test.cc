@@ -1,3 +1,5 @@
+#include "core/kernel/kernel_choice.h"
+
 #include <gtest/gtest.h>
 
 #include <cstdint>
@@ -5,24 +7,23 @@
 #include <span>
 #include <vector>
 
-#include "core/kernel/kernel_choice.h"
 #include "tests/support/scenes.h"
 #include "tests/support/shapes.h"
 
 namespace kdray::core {
 namespace {
 
-class EngineChoice : public testing::Test {
+class KernelChoice : public testing::Test {
  protected:
-  EngineJob Choose(const std::vector<RayF>& rays, Precision precision, bool any = false) {
-    EngineJob job;
+  KernelJob Choose(const std::vector<RayF>& rays, Precision precision, bool any = false) {
+    KernelJob job;
     job.tree = &scene_.tree->wide;
     job.mesh = scene_.mesh.get();
     job.precision = precision;
     job.rays = std::span<const RayF>(rays);
     occluded_.resize(rays.size());
     if (any) job.occluded = occluded_.data();
-    ChooseEngines({}, &job);
+    ChooseKernel({}, &job);
     return job;
   }
 
@@ -41,15 +42,15 @@ class EngineChoice : public testing::Test {
   }
 };
 
-TEST_F(EngineChoice, ACamerasRaysAreAFrustumWherePrecisionsHaveOne) {
-  EXPECT_EQ(Choose(Camera(), Precision::kFast).engine, Engine::kFrustum);
-  EXPECT_EQ(Choose(Camera(), Precision::kWatertight).engine, Engine::kFrustum);
-  EXPECT_EQ(Choose(Camera(), Precision::kDouble).engine, Engine::kHybrid);
-  EXPECT_EQ(Choose(Camera(), Precision::kExact).engine, Engine::kHybrid);
+TEST_F(KernelChoice, ACamerasRaysAreAFrustumWherePrecisionsHaveOne) {
+  EXPECT_EQ(Choose(Camera(), Precision::kFast).kernel, KernelKind::kFrustum);
+  EXPECT_EQ(Choose(Camera(), Precision::kWatertight).kernel, KernelKind::kFrustum);
+  EXPECT_EQ(Choose(Camera(), Precision::kDouble).kernel, KernelKind::kStream);
+  EXPECT_EQ(Choose(Camera(), Precision::kExact).kernel, KernelKind::kStream);
   EXPECT_FALSE(Choose(Camera(), Precision::kFast).sort);
 }
 
-TEST_F(EngineChoice, ShuffledRaysAreSortedWhereManyAreAlike) {
+TEST_F(KernelChoice, ShuffledRaysAreSortedWhereManyAreAlike) {
   std::vector<RayF> from_surface, random;
   for (int i = 0; i < 20000; ++i) {
     // 256 cells of 4,096.
@@ -58,12 +59,12 @@ TEST_F(EngineChoice, ShuffledRaysAreSortedWhereManyAreAlike) {
     random.push_back({at, 0, Random()});
   }
   for (const bool any : {false, true}) {
-    const EngineJob alike = Choose(from_surface, Precision::kDouble, any);
+    const KernelJob alike = Choose(from_surface, Precision::kDouble, any);
     EXPECT_TRUE(alike.sort);
-    EXPECT_EQ(alike.engine, Engine::kHybrid);
-    const EngineJob unlike = Choose(random, Precision::kDouble, any);
+    EXPECT_EQ(alike.kernel, KernelKind::kStream);
+    const KernelJob unlike = Choose(random, Precision::kDouble, any);
     EXPECT_FALSE(unlike.sort);
-    EXPECT_EQ(unlike.engine, Engine::kWave);
+    EXPECT_EQ(unlike.kernel, KernelKind::kInterleaved);
   }
   // What the frustum hands on goes the same ways.
   EXPECT_TRUE(Choose(from_surface, Precision::kFast).alike);

@@ -1,4 +1,4 @@
-#include "core/accel/kdtree/note_split.h"
+#include "core/accel/kdtree/centroid_split.h"
 
 #include <algorithm>
 
@@ -13,7 +13,7 @@ constexpr std::uint64_t kStepWork = 8;
 
 }  // namespace
 
-void NoteSplitFinder::CollectCentroids(std::span<const Reference> references, int axis) {
+void CentroidSplitFinder::CollectCentroids(std::span<const PrimitiveRef> references, int axis) {
   centroids_.clear();
   centroids_.reserve(references.size());
   PolledLoop(references.size(), kStepWork, &poll_, [&](std::size_t i) {
@@ -24,8 +24,8 @@ void NoteSplitFinder::CollectCentroids(std::span<const Reference> references, in
   });
 }
 
-std::optional<SplitCandidate> NoteSplitFinder::FindMedian(std::span<const Reference> references,
-                                                          const Bounds3f& cell, int depth) {
+std::optional<SplitCandidate> CentroidSplitFinder::FindMedian(
+    std::span<const PrimitiveRef> references, const Bounds3f& cell, int depth) {
   if (references.empty()) return std::nullopt;
   for (int turn = 0; turn < 3; ++turn) {
     const int axis = (depth + turn) % 3;
@@ -57,8 +57,8 @@ std::optional<SplitCandidate> NoteSplitFinder::FindMedian(std::span<const Refere
   return std::nullopt;
 }
 
-std::optional<SplitCandidate> NoteSplitFinder::FindCyclic(std::span<const Reference> references,
-                                                          const Bounds3f& cell, int depth) {
+std::optional<SplitCandidate> CentroidSplitFinder::FindCyclic(
+    std::span<const PrimitiveRef> references, const Bounds3f& cell, int depth) {
   for (int turn = 0; turn < 3; ++turn) {
     const int axis = (depth + turn) % 3;
     CollectCentroids(references, axis);

@@ -1,7 +1,7 @@
-// The engines' vector form of `exact` (bounds, preparation of rays, t and weights of four rays at a
-// time) against ExactTest, bit for bit, where its bounds are about to leave a doubt: rays within
-// ulps of corners, edges and planes, hits within ulps of each other and of the interval's ends, and
-// numbers at both ends of the range of double.
+// The kernels' vector form of `exact` (bounds, preparation of rays, t and weights of four rays at a
+// time) against ExactIntersection, bit for bit, where its bounds are about to leave a doubt: rays
+// within ulps of corners, edges and planes, hits within ulps of each other and of the interval's
+// ends, and numbers at both ends of the range of double.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -115,7 +115,7 @@ void Transform(double scale, const Vec3d& move, MeshData* data) {
   for (Vec3d& v : data->vertices) v = v * scale + move;
 }
 
-TEST(ExactEngines, AnswerAsTheScalarTestWhereBoundsLeaveDoubts) {
+TEST(ExactKernels, AnswerAsTheScalarTestWhereBoundsLeaveDoubts) {
   auto engine = RandomEngine(410);
   for (const bool as_floats : {false, true}) {
     MeshData data = HostileMesh(engine);
@@ -125,7 +125,7 @@ TEST(ExactEngines, AnswerAsTheScalarTestWhereBoundsLeaveDoubts) {
   }
 }
 
-TEST(ExactEngines, AnswerAsTheScalarTestFarFromTheWorldsOrigin) {
+TEST(ExactKernels, AnswerAsTheScalarTestFarFromTheWorldsOrigin) {
   auto engine = RandomEngine(411);
   MeshData data = RoundToFloat(HostileMesh(engine));
   Transform(1, {148376, 1234, -223423}, &data);
@@ -134,7 +134,7 @@ TEST(ExactEngines, AnswerAsTheScalarTestFarFromTheWorldsOrigin) {
   ExpectSameAsBruteForce(data, rays, {Precision::kExact});
 }
 
-TEST(ExactEngines, AnswerAsTheScalarTestForOriginsThatLocalCoordinatesRound) {
+TEST(ExactKernels, AnswerAsTheScalarTestForOriginsThatLocalCoordinatesRound) {
   // The mesh so far from 0 that its frame has an origin, yet so near that rays begin near 0, where
   // doubles are finer than those of the difference.
   auto engine = RandomEngine(415);
@@ -154,7 +154,7 @@ TEST(ExactEngines, AnswerAsTheScalarTestForOriginsThatLocalCoordinatesRound) {
   ExpectSameAsBruteForce(data, rays, {Precision::kExact});
 }
 
-TEST(ExactEngines, AnswerAsTheScalarTestAtTheEndsOfTheRange) {
+TEST(ExactKernels, AnswerAsTheScalarTestAtTheEndsOfTheRange) {
   auto engine = RandomEngine(412);
   for (const int exponent : {-1040, -1000, -405, -395, -100, 100, 126}) {
     MeshData data = HostileMesh(engine);
@@ -180,7 +180,7 @@ TEST(ExactEngines, AnswerAsTheScalarTestAtTheEndsOfTheRange) {
   }
 }
 
-TEST(ExactEngines, AnswerAsTheScalarTestForTrianglesSoSmallThatTheirVolumesUnderflow) {
+TEST(ExactKernels, AnswerAsTheScalarTestForTrianglesSoSmallThatTheirVolumesUnderflow) {
   auto engine = RandomEngine(416);
   MeshData data = Cube({0, 0, 0}, 0.7);
   std::vector<Ray> rays;
@@ -194,7 +194,7 @@ TEST(ExactEngines, AnswerAsTheScalarTestForTrianglesSoSmallThatTheirVolumesUnder
   ExpectSameAsBruteForce(data, rays, {Precision::kExact});
 }
 
-TEST(ExactEngines, AnswerBatchesOfAnyLength) {
+TEST(ExactKernels, AnswerBatchesOfAnyLength) {
   // The last hits of a batch may fill no vector.
   auto engine = RandomEngine(413);
   const MeshData data = HostileMesh(engine);
@@ -215,7 +215,7 @@ TEST(ExactEngines, AnswerBatchesOfAnyLength) {
   }
 }
 
-TEST(ExactEngines, AnswerFloatRaysAsTheSameRaysInDouble) {
+TEST(ExactKernels, AnswerFloatRaysAsTheSameRaysInDouble) {
   auto engine = RandomEngine(414);
   MeshData data = RoundToFloat(HostileMesh(engine));
   Transform(1, {3, -5, 11}, &data);
@@ -236,7 +236,7 @@ TEST(ExactEngines, AnswerFloatRaysAsTheSameRaysInDouble) {
   }
 }
 
-TEST(ExactEngines, FindAHitAgainFromTheTThatTheyAnswered) {
+TEST(ExactKernels, FindAHitAgainFromTheTThatTheyAnswered) {
   auto engine = RandomEngine(420);
   const MeshData data = Soup(200, 0.4, 421);
   const Scene scene = MakeScene(data, BuildKind::kKdSah);
@@ -274,7 +274,7 @@ TEST(ExactEngines, FindAHitAgainFromTheTThatTheyAnswered) {
   }
 }
 
-TEST(ExactEngines, AnswerAsTheScalarTestFromAnyDistance) {
+TEST(ExactKernels, AnswerAsTheScalarTestFromAnyDistance) {
   auto engine = RandomEngine(422);
   const MeshData data = HostileMesh(engine);
   std::vector<Ray> rays;
@@ -336,7 +336,7 @@ double LeastTime(const Scene& scene, const std::vector<Ray>& rays, Precision pre
 
 // The aim is 5 times, and 3 to 6 is what was measured; the figures are printed. What must not come
 // back took some 350 times: integers with allocation for every sign that is 0.
-TEST(ExactEngines, SettleRaysAtVerticesAndEdgesWithoutBigIntegers) {
+TEST(ExactKernels, SettleRaysAtVerticesAndEdgesWithoutBigIntegers) {
   constexpr int kPosts = 100;
   const auto height = [](int x, int y) { return 0.3 * std::sin(x) * std::cos(y); };
   MeshData data;

@@ -1,3 +1,5 @@
+#include "core/intersect/exact_intersection.h"
+
 #include <gmpxx.h>
 #include <gtest/gtest.h>
 
@@ -12,7 +14,6 @@
 #include "core/geometry/double_double.h"
 #include "core/geometry/dyadic.h"
 #include "core/geometry/local_ray.h"
-#include "core/intersect/exact_intersection.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/rationals.h"
 
@@ -44,16 +45,16 @@ struct Tally {
 /// Holds one ray and two triangles against the oracle.
 void Check(const Ray& ray, const std::array<TriangleCorners, 2>& triangles, const MeshFrame& frame,
            Tally* tally) {
-  const auto local_ray = ExactTest::MakeRay(ray, frame);
+  const auto local_ray = ExactIntersection::MakeRay(ray, frame);
   if (!local_ray) {
     for (const TriangleCorners& triangle : triangles) {
       ASSERT_FALSE(RationalHit(ray, triangle)) << "case " << tally->cases;
     }
     return;
   }
-  const ExactTest test(*local_ray);
+  const ExactIntersection test(*local_ray);
   std::array<std::optional<mpq_class>, 2> expected;
-  std::array<ExactTest::Hit, 2> hits;
+  std::array<ExactIntersection::Hit, 2> hits;
   const auto corners_of = [&](PrimitiveId id) { return Local(triangles[id], frame); };
   for (PrimitiveId id = 0; id < 2; ++id) {
     expected[id] = RationalHit(ray, triangles[id]);
@@ -81,7 +82,7 @@ void Check(const Ray& ray, const std::array<TriangleCorners, 2>& triangles, cons
   ASSERT_EQ(test.IsCloser(hits[1], 1, hits[0], 0, corners_of), order < 0 ? false : order > 0);
 }
 
-TEST(ExactTest, AgreesWithRationalsOnSmallIntegersWhereMostCasesAreDegenerate) {
+TEST(ExactIntersection, AgreesWithRationalsOnSmallIntegersWhereMostCasesAreDegenerate) {
   const MeshFrame frame{{0, 0, 0}, 3};
   Tally tally;
   for (int i = 0; i < 20'000 && !testing::Test::HasFatalFailure(); ++i) {
@@ -102,7 +103,7 @@ TEST(ExactTest, AgreesWithRationalsOnSmallIntegersWhereMostCasesAreDegenerate) {
   EXPECT_GT(tally.hits, 2'000);
 }
 
-TEST(ExactTest, AgreesWithRationalsWhenAimedAtCornersAndEdgesOfRealTriangles) {
+TEST(ExactIntersection, AgreesWithRationalsWhenAimedAtCornersAndEdgesOfRealTriangles) {
   for (const MeshFrame& frame : {MeshFrame{}, MeshFrame{{448'000, 5'411'000, 0}, 10},
                                  MeshFrame{{0, 0, 0}, -100}, MeshFrame{{0, 0, 0}, 110}}) {
     Tally tally;
@@ -132,7 +133,7 @@ TEST(ExactTest, AgreesWithRationalsWhenAimedAtCornersAndEdgesOfRealTriangles) {
   }
 }
 
-TEST(ExactTest, AgreesWithRationalsForOriginsFarAway) {
+TEST(ExactIntersection, AgreesWithRationalsForOriginsFarAway) {
   Tally tally;
   const MeshFrame frame{};
   for (int i = 0; i < 2'000 && !testing::Test::HasFatalFailure(); ++i) {
@@ -161,7 +162,7 @@ Vec3d Between(const Vec3d& a, const Vec3d& b, double weight_of_a) {
 // Triangles from the mesh's size down to 2^-400 of it, meshes from 2^-600 to 2^120, origins from on
 // the triangle to 2^1000 mesh sizes away, directions from 2^-1000 to 2^1000: t over- and
 // underflows, and everything but the numbers as given is lost in rounding.
-TEST(ExactTest, AgreesWithRationalsAtAnyScaleOfMeshTriangleDistanceAndDirection) {
+TEST(ExactIntersection, AgreesWithRationalsAtAnyScaleOfMeshTriangleDistanceAndDirection) {
   Tally tally;
   for (int i = 0; i < 12'000 && !testing::Test::HasFatalFailure(); ++i) {
     constexpr std::array kMeshes = {-600, -100, 0, 0, 60, 120};
@@ -222,7 +223,7 @@ TEST(ExactTest, AgreesWithRationalsAtAnyScaleOfMeshTriangleDistanceAndDirection)
 
 // So far away that the mesh is smaller than the rounding of the way to it: only the numbers as
 // given tell whether the ray, which goes through the origin or a power of two beside it, hits.
-TEST(ExactTest, AgreesWithRationalsForOriginsFartherThanTheDigitsOfDouble) {
+TEST(ExactIntersection, AgreesWithRationalsForOriginsFartherThanTheDigitsOfDouble) {
   Tally tally;
   const MeshFrame frame{};
   for (int i = 0; i < 3'000 && !testing::Test::HasFatalFailure(); ++i) {
@@ -249,7 +250,7 @@ std::size_t& GmpAllocations() {
   return count;
 }
 
-TEST(ExactTest, AllocatesNothingHoweverDegenerateRaysAre) {
+TEST(ExactIntersection, AllocatesNothingHoweverDegenerateRaysAre) {
   const MeshFrame frame{{0, 0, 0}, 3};
   const auto point = [] { return Vec3d{Int(-3, 3) / 3.0, Int(-3, 3) / 3.0, Int(-3, 3) / 3.0}; };
   mp_set_memory_functions(
@@ -266,13 +267,13 @@ TEST(ExactTest, AllocatesNothingHoweverDegenerateRaysAre) {
     ray.origin = Int(0, 1) ? point() : a - point() * 0x1p50;
     ray.direction = a - ray.origin;
     if (!IsValid(ray)) continue;
-    const auto local = ExactTest::MakeRay(ray, frame);
+    const auto local = ExactIntersection::MakeRay(ray, frame);
     if (!local) continue;
-    const ExactTest test(*local);
+    const ExactIntersection test(*local);
     const auto corners = [&](PrimitiveId id) {
-      return id == 0 ? ExactTest::Corners{a, b, c} : ExactTest::Corners{d, c, b};
+      return id == 0 ? ExactIntersection::Corners{a, b, c} : ExactIntersection::Corners{d, c, b};
     };
-    ExactTest::Hit first, second;
+    ExactIntersection::Hit first, second;
     if (!test.Test(a, b, c, &first)) continue;
     hits += test.Finish(first, 0, corners).IsHit() ? 1 : 0;
     if (test.Test(d, c, b, &second)) ties += test.IsCloser(first, 0, second, 1, corners) ? 1 : 0;

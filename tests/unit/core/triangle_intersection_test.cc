@@ -1,3 +1,5 @@
+#include "core/intersect/triangle_intersection.h"
+
 #include <gtest/gtest.h>
 
 #include <array>
@@ -7,7 +9,6 @@
 #include <vector>
 
 #include "core/geometry/local_ray.h"
-#include "core/intersect/triangle_intersection.h"
 
 namespace kdray::core {
 namespace {
@@ -24,14 +25,14 @@ std::optional<LocalRay> RayThrough(const Vec3d& origin, const Vec3d& target) {
 }
 
 template <class Test>
-bool Hits(const LocalRay& ray, const Triangle& t, LeafHit* hit) {
+bool Hits(const LocalRay& ray, const Triangle& t, TriangleHit* hit) {
   using N = typename Test::Number;
   return Test(ray).Test(Vec3<N>(t.a), Vec3<N>(t.b), Vec3<N>(t.c), hit);
 }
 
 /// Distance from the accepted point of the triangle to the ray's point at s, largest component, in
 /// long double.
-long double Gap(const LocalRay& ray, const Triangle& t, const LeafHit& hit) {
+long double Gap(const LocalRay& ray, const Triangle& t, const TriangleHit& hit) {
   long double gap = 0;
   for (int axis = 0; axis < 3; ++axis) {
     const long double u = hit.u, v = hit.v;
@@ -59,13 +60,14 @@ class Random {
 
 template <class Test>
 class LeafTest : public testing::Test {};
-using Tests = testing::Types<FastTest, WatertightTest<float>, WatertightTest<double>>;
+using Tests =
+    testing::Types<FastIntersection, WatertightIntersection<float>, WatertightIntersection<double>>;
 TYPED_TEST_SUITE(LeafTest, Tests);
 
 TYPED_TEST(LeafTest, HitsTheMiddleOfATriangleWithItsWeights) {
   const Triangle triangle{{0, 0, 0.5}, {1, 0, 0.5}, {0, 1, 0.5}};
   const auto ray = RayThrough({0.25, 0.5, -1}, {0.25, 0.5, 1});
-  LeafHit hit;
+  TriangleHit hit;
   ASSERT_TRUE(Hits<TypeParam>(*ray, triangle, &hit));
   EXPECT_EQ(ray->ToCallerT(hit.s), 0.75);
   EXPECT_EQ(hit.u, 0.25);
@@ -74,7 +76,7 @@ TYPED_TEST(LeafTest, HitsTheMiddleOfATriangleWithItsWeights) {
 
 TYPED_TEST(LeafTest, MissesOutsideEachEdge) {
   const Triangle triangle{{0, 0, 0.5}, {1, 0, 0.5}, {0, 1, 0.5}};
-  LeafHit hit;
+  TriangleHit hit;
   for (const Vec3d& at : {Vec3d{0.5, -0.01, 0.5}, Vec3d{-0.01, 0.5, 0.5}, Vec3d{0.51, 0.51, 0.5}}) {
     EXPECT_FALSE(Hits<TypeParam>(*RayThrough({0.3, 0.3, -1}, at), triangle, &hit));
   }
@@ -82,14 +84,14 @@ TYPED_TEST(LeafTest, MissesOutsideEachEdge) {
 
 TYPED_TEST(LeafTest, MissesATriangleWhosePlaneHoldsTheRay) {
   const Triangle triangle{{0, 0, 0.5}, {1, 0, 0.5}, {0, 1, 0.5}};
-  LeafHit hit;
+  TriangleHit hit;
   EXPECT_FALSE(Hits<TypeParam>(*RayThrough({-1, 0.25, 0.5}, {1, 0.25, 0.5}), triangle, &hit));
   EXPECT_FALSE(Hits<TypeParam>(*RayThrough({-1, -1, 0.5}, {1, 1, 0.5}), triangle, &hit));
 }
 
 TYPED_TEST(LeafTest, MissesCornersThatAreNotNumbers) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  LeafHit hit;
+  TriangleHit hit;
   for (int corner = 0; corner < 3; ++corner) {
     for (int axis = 0; axis < 3; ++axis) {
       std::array<Vec3d, 3> corners{Vec3d{-1, -1, 0}, {1, -1, 0}, {0, 1, 0}};
@@ -122,7 +124,7 @@ TYPED_TEST(LeafTest, AcceptsNoTriangleThatThePadDoesNotReach) {
     for (int axis = 0; axis < 3; ++axis)
       t.c[axis] = static_cast<double>(static_cast<float>(t.c[axis]));
     const auto ray = RayThrough(random.Point() * random.Uniform(0.1, 3), near_centre(size));
-    LeafHit hit;
+    TriangleHit hit;
     if (!ray || !Hits<TypeParam>(*ray, t, &hit)) continue;
     ++accepted;
     ASSERT_LE(Gap(*ray, t, hit), static_cast<long double>(TypeParam::kPad) * 3 / 4)
@@ -133,7 +135,8 @@ TYPED_TEST(LeafTest, AcceptsNoTriangleThatThePadDoesNotReach) {
 
 template <class Test>
 class Watertight : public testing::Test {};
-using WatertightTests = testing::Types<WatertightTest<float>, WatertightTest<double>>;
+using WatertightTests =
+    testing::Types<WatertightIntersection<float>, WatertightIntersection<double>>;
 TYPED_TEST_SUITE(Watertight, WatertightTests);
 
 TYPED_TEST(Watertight, TurningCornersChangesNoBitOfT) {
@@ -143,7 +146,7 @@ TYPED_TEST(Watertight, TurningCornersChangesNoBitOfT) {
     const Triangle t{random.Point(), random.Point(), random.Point()};
     const Vec3d inside = t.a * 0.25 + t.b * 0.25 + t.c * 0.5;
     const auto ray = RayThrough(random.Point() * 2.0, inside);
-    LeafHit hit, other;
+    TriangleHit hit, other;
     if (!Hits<TypeParam>(*ray, t, &hit)) continue;
     ++accepted;
     for (const Triangle& turned :
@@ -177,7 +180,7 @@ TYPED_TEST(Watertight, ARayThroughACornerOrEdgeOfAFanHitsTheFan) {
     const auto fan_is_hit = [&](const Vec3d& target) {
       const auto ray = RayThrough(eye, target);
       for (int k = 0; k < blades; ++k) {
-        LeafHit hit;
+        TriangleHit hit;
         const auto next = static_cast<std::size_t>((k + 1) % blades);
         if (Hits<TypeParam>(*ray, {Vec3d(Vec3f(hub)), rim[static_cast<std::size_t>(k)], rim[next]},
                             &hit))
@@ -202,12 +205,14 @@ TEST(FastLeafTest, LeaksAtSomeEdgesAsItsNameWarns) {
     const double along = random.Uniform(0.1, 0.9);
     const Vec3d target = a * along + b * (1 - along);
     const auto ray = RayThrough(random.Point() * 2.0, target);
-    LeafHit hit;
+    TriangleHit hit;
     // Two triangles on different sides of the edge a b as the ray sees it form a closed
     // neighbourhood of the edge.
     const Vec3d side = Cross(ray->direction, b - a);
     if (Dot(side, c - a) * Dot(side, d - a) >= 0) continue;
-    if (!Hits<FastTest>(*ray, {a, b, c}, &hit) && !Hits<FastTest>(*ray, {b, a, d}, &hit)) ++misses;
+    if (!Hits<FastIntersection>(*ray, {a, b, c}, &hit) &&
+        !Hits<FastIntersection>(*ray, {b, a, d}, &hit))
+      ++misses;
   }
   EXPECT_GT(misses, 0);
   RecordProperty("edge_leaks_of_about_100000", misses);
