@@ -14,7 +14,7 @@ function(kdray_settings target)
   # -ffp-contract=off: a fused multiply-add would make answers differ between machines.
   # No -ffast-math, for the same reason. -fno-tree-slp-vectorize: otherwise g++ 12 drops two
   # neighbouring conversions from double to float and back, so Vec3d(Vec3f(p)) would be p
-  # (tests/unit/core/vec3_test.cc).
+  # (tests/unit/core/geometry/vec3_test.cc).
   target_compile_options(${target} PRIVATE
     -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wcast-align -Wunused
     -Wdouble-promotion -Wimplicit-fallthrough

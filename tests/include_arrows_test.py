@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Includes follow the arrows that HACKING.md draws ("Layers"), and libraries stay in the files that it names.
 
-The folder of a file is the longest row of the table that its path begins with, as a folder or as a file's name without its
-ending. Prints, with --counts, how often each folder includes each other.
+The folder of a file is the longest row of the table that its path begins with, as a folder or as a file
+(`tree.h` stands for its .cc as well). Prints, with --counts, how often each folder includes each other.
 """
 import collections
 import re
@@ -26,6 +26,11 @@ LIBRARIES = {
 }
 
 
+def names(cell):
+    """The paths in backticks, without endings."""
+    return [re.sub(r"\.h$", "", name) for name in re.findall(r"`([^`]+)`", cell)]
+
+
 def tables():
     """The rows of HACKING.md's two tables: folder -> folders, library -> places."""
     text = (ROOT / "HACKING.md").read_text()
@@ -40,14 +45,12 @@ def tables():
         if len(cells) != 2 or cells[0] in ("Folder", "Library") or cells[0].startswith("-"):
             continue
         for name in re.sub("`", "", cells[0]).split(", "):
-            rows[name] = cells[1]
+            rows[re.sub(r"\.h$", "", name)] = cells[1]
     folders = {}
     for folder, cell in arrows.items():
-        named = re.findall(r"`([^`]+)`", cell)
+        named = names(cell)
         if match := re.match(r"all of `core` except ([^;]*);", cell):
-            barred = re.findall(r"`([^`]+)`", match[1])
-            rest = re.findall(r"`([^`]+)`", cell[match.end():])
-            named = [f for f in arrows if f.startswith("core/") and f not in barred] + rest
+            named = [f for f in arrows if f.startswith("core/") and f not in names(match[1])] + names(cell[match.end():])
         folders[folder] = set(named)
     return folders, {library: re.findall(r"`([^`]+)`", cell) for library, cell in places.items()}
 

@@ -71,7 +71,8 @@ struct CornerWeights {
 /// 2(1), 2013, in T = float or double, with edge signs that are exact for the projected corners (a
 /// product that ties is decided exactly).
 ///
-/// Properties, each with a test of its name in tests/unit/core/leaf_test_test.cc:
+/// Properties, each with a test of its name in
+/// tests/unit/core/intersect/triangle_intersection_test.cc:
 ///  1. Closed: a ray through an edge or corner that triangles share hits at least one of them.
 ///  2. Two-sided: reversing a triangle's corners changes nothing but which of u, v is which;
 ///  turning them changes no t.

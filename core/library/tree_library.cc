@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/library/flight.h"
+#include "core/library/parse_mesh.h"
 
 namespace kdray::core {
 namespace {

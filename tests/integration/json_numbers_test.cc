@@ -23,9 +23,9 @@ using test::RawAnswer;
 using test::RunningService;
 using testing::HasSubstr;
 
-class N24 : public testing::Test {
+class N24JsonNumbers : public testing::Test {
  protected:
-  N24() {
+  N24JsonNumbers() {
     CoreEngineOptions options;
     options.data_dir = folder_.path() / "data";
     engine_ = MakeCoreEngine(options).value();
@@ -36,7 +36,7 @@ class N24 : public testing::Test {
       v = {v.x < 0 ? -9007199254740992.0 : 3, v.y < 0 ? -1.0 : 1.0 / 3, v.z < 0 ? -1e-300 : 1};
     path_ = "/v1/trees/" + running_->Upload(test::ObjText(box)) + "/rays/closest";
   }
-  ~N24() override {
+  ~N24JsonNumbers() override {
     running_.reset();
     engine_->Shutdown();
   }
@@ -50,14 +50,14 @@ class N24 : public testing::Test {
   std::string path_;
 };
 
-TEST_F(N24, NumbersBeyondDoubleAndKeysThatStandTwiceAreInvalidJson) {
+TEST_F(N24JsonNumbers, NumbersBeyondDoubleAndKeysThatStandTwiceAreInvalidJson) {
   for (const char* ray : {"[1e999,0,0,1,0,0]", "[0,0,0,-1e999,0,0]", "[0,0,0,1,0,0,0,1e309]"}) {
     EXPECT_EQ(RunningService::CodeOf(Ask(ray)), "invalid_json") << ray;
   }
   EXPECT_EQ(running_->Code("POST", path_, R"({"rays":[],"rays":[]})"), "invalid_json");
 }
 
-TEST_F(N24, NumbersBeyondFloatAreAnswered) {
+TEST_F(N24JsonNumbers, NumbersBeyondFloatAreAnswered) {
   for (const char* precision : {"fast", "watertight", "double", "exact"}) {
     const std::string query = std::string("?precision=") + precision;
     // From 1e39 away along x; in steps of 1e39 along the direction; a t_max of 1e39.
@@ -72,7 +72,7 @@ TEST_F(N24, NumbersBeyondFloatAreAnswered) {
   }
 }
 
-TEST_F(N24, EveryDigitCountsThatDoubleHas) {
+TEST_F(N24JsonNumbers, EveryDigitCountsThatDoubleHas) {
   for (const char* precision : {"double", "exact"}) {
     const std::string query = std::string("?precision=") + precision;
     // 2^53 + 1 is no double and is read as 2^53: from the middle of the box to its side there.
@@ -85,7 +85,7 @@ TEST_F(N24, EveryDigitCountsThatDoubleHas) {
   }
 }
 
-TEST_F(N24, AnswersAreTheShortestTextThatReadsBackTheSame) {
+TEST_F(N24JsonNumbers, AnswersAreTheShortestTextThatReadsBackTheSame) {
   const std::string body = Ask("[0,0,0.5,0,1,0]", "?precision=exact").body;
   char text[32];
   const auto end = std::to_chars(text, text + sizeof text, 1.0 / 3);

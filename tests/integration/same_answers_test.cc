@@ -92,7 +92,7 @@ std::string JsonBatch(const std::vector<double>& numbers, std::size_t first, std
   return json{{"rays", rays}}.dump();
 }
 
-TEST(N20, TheFormOfTheRequestAndWhereTheTreeWasChangeNoBit) {
+TEST(N20SameBytes, TheFormOfTheRequestAndWhereTheTreeWasChangeNoBit) {
   const core::MeshData data = test::BumpySphere({0, 0, 0}, 1, 16, 24, 0.3);
   const std::string mesh = test::ObjText(data);
   const std::vector<double> numbers = RayNumbers(data);

@@ -87,7 +87,7 @@ TEST(BruteForce, AgreesOnEveryRayOfASmallWorld) {
   ExpectAllPrecisionsSame(data, rays);
 }
 
-TEST(N07, AxisParallelRaysThroughVerticesAgreeWithBruteForce) {
+TEST(N07AxisParallel, AxisParallelRaysThroughVerticesAgreeWithBruteForce) {
   auto engine = RandomEngine(7);
   for (const MeshData& data :
        {Cube({0, 0, 0}, 1), RoundToFloat(UvSphere({0, 0, 0}, 1, 8, 12)), Grid(6, 1, 0.5)}) {
@@ -96,7 +96,7 @@ TEST(N07, AxisParallelRaysThroughVerticesAgreeWithBruteForce) {
   }
 }
 
-TEST(N08, OriginsOnPlanesFacesVerticesAndTrianglesAgreeWithBruteForce) {
+TEST(N08OriginsOnPlanes, OriginsOnPlanesFacesVerticesAndTrianglesAgreeWithBruteForce) {
   auto engine = RandomEngine(9);
   const MeshData data = RoundToFloat(BumpySphere({0, 0, 0}, 1, 10, 16, 0.3));
   const Bounds3d bounds = BoundsOf(data);
@@ -146,7 +146,7 @@ TEST(N08, OriginsOnPlanesFacesVerticesAndTrianglesAgreeWithBruteForce) {
   ExpectAllPrecisionsSame(data, rays);
 }
 
-TEST(N09, FlatAndTinyMeshesAgreeWithBruteForce) {
+TEST(N09FlatMeshes, FlatAndTinyMeshesAgreeWithBruteForce) {
   auto engine = RandomEngine(10);
   MeshData one = Coincident(1);
   MeshData in_plane = Join(Grid(3, 0, 0.5), Join(Grid(3, 1, 0.5), Grid(3, 2, 0.5)));
@@ -165,7 +165,7 @@ TEST(N09, FlatAndTinyMeshesAgreeWithBruteForce) {
   }
 }
 
-TEST(N10, ExtremeDirectionsAgreeWithBruteForceAndScaleT) {
+TEST(N10ExtremeDirections, ExtremeDirectionsAgreeWithBruteForceAndScaleT) {
   auto engine = RandomEngine(11);
   const MeshData data = RoundToFloat(UvSphere({0, 0, 0}, 1, 8, 12));
   std::vector<Ray> rays;
@@ -201,7 +201,7 @@ TEST(N10, ExtremeDirectionsAgreeWithBruteForceAndScaleT) {
   }
 }
 
-TEST(N10, AHitWhoseTNoDoubleHoldsHasTheLargestFiniteOne) {
+TEST(N10ExtremeDirections, AHitWhoseTNoDoubleHoldsHasTheLargestFiniteOne) {
   constexpr double kMost = std::numeric_limits<double>::max();
   MeshData data;
   data.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
@@ -248,7 +248,7 @@ TEST(N10, AHitWhoseTNoDoubleHoldsHasTheLargestFiniteOne) {
   }
 }
 
-TEST(N11, RaysThatCannotBeAreMissesAndSpoilNoNeighbour) {
+TEST(N11InvalidRays, RaysThatCannotBeAreMissesAndSpoilNoNeighbour) {
   auto engine = RandomEngine(12);
   const MeshData data = RoundToFloat(UvSphere({0, 0, 0}, 1, 8, 12));
   constexpr double kInf = std::numeric_limits<double>::infinity();

@@ -58,7 +58,7 @@ void ExpectFound(const char* what, double distance, const MeshData& data, std::s
   EXPECT_EQ(found[static_cast<std::size_t>(Precision::kExact)], all) << distance;
 }
 
-TEST(N14, MillimetresAreFoundInASmallMeshFarFromTheOrigin) {
+TEST(N14Detail, MillimetresAreFoundInASmallMeshFarFromTheOrigin) {
   auto engine = RandomEngine(1400);
   for (const double distance : {1e3, 1e4, 1e5, 1e6, 1e7, 1e8}) {
     MeshData data;
@@ -69,7 +69,7 @@ TEST(N14, MillimetresAreFoundInASmallMeshFarFromTheOrigin) {
   }
 }
 
-TEST(N14, MillimetresAreFoundInAMeshOfKilometres) {
+TEST(N14Detail, MillimetresAreFoundInAMeshOfKilometres) {
   auto engine = RandomEngine(1401);
   for (const double distance : {1e3, 1e4, 1e5, 1e6, 1e7, 1e8}) {
     MeshData data;

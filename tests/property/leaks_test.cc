@@ -45,34 +45,34 @@ void RunOnCollection(const char* name, const RayFamily& family, std::uint64_t st
   }
 }
 
-TEST(N01, RaysAtVerticesOfClosedMeshesDoNotLeak) {
+TEST(N01AtVertices, RaysAtVerticesOfClosedMeshesDoNotLeak) {
   RunOnGenerated("N01 vertices", VertexRays, GeneratedClosedMeshes(), 101);
 }
-TEST(N01, RaysAtVerticesOfTheCollectionsClosedMeshesDoNotLeak) {
+TEST(N01AtVertices, RaysAtVerticesOfTheCollectionsClosedMeshesDoNotLeak) {
   KDRAY_NEED_MESHES();
   RunOnCollection("N01 vertices", VertexRays, 102);
 }
 
-TEST(N02, RaysAtEdgesOfClosedMeshesDoNotLeak) {
+TEST(N02AtEdges, RaysAtEdgesOfClosedMeshesDoNotLeak) {
   RunOnGenerated("N02 edges", EdgeRays, GeneratedClosedMeshes(), 103);
 }
-TEST(N02, RaysAtEdgesOfTheCollectionsClosedMeshesDoNotLeak) {
+TEST(N02AtEdges, RaysAtEdgesOfTheCollectionsClosedMeshesDoNotLeak) {
   KDRAY_NEED_MESHES();
   RunOnCollection("N02 edges", EdgeRays, 104);
 }
 
-TEST(N07, AxisParallelRaysFromInsideClosedMeshesDoNotLeak) {
+TEST(N07AxisParallel, AxisParallelRaysFromInsideClosedMeshesDoNotLeak) {
   RunOnGenerated("N07 axes", AxisRaysThroughVertices, GeneratedClosedMeshes(), 105);
 }
-TEST(N07, AxisParallelRaysFromInsideTheCollectionsClosedMeshesDoNotLeak) {
+TEST(N07AxisParallel, AxisParallelRaysFromInsideTheCollectionsClosedMeshesDoNotLeak) {
   KDRAY_NEED_MESHES();
   RunOnCollection("N07 axes", AxisRaysThroughVertices, 106);
 }
 
-TEST(N15, RaysFromFarAwayThroughClosedMeshesDoNotPassThem) {
+TEST(N15FarRays, RaysFromFarAwayThroughClosedMeshesDoNotPassThem) {
   RunOnGenerated("N15 far", FarRays, GeneratedClosedMeshes(), 107);
 }
-TEST(N15, RaysFromFarAwayThroughTheCollectionsClosedMeshesDoNotPassThem) {
+TEST(N15FarRays, RaysFromFarAwayThroughTheCollectionsClosedMeshesDoNotPassThem) {
   KDRAY_NEED_MESHES();
   RunOnCollection("N15 far", FarRays, 108);
 }
@@ -85,7 +85,7 @@ std::vector<Ray> VertexAndEdgeRays(const ClosedMesh& mesh, std::size_t count,
   return rays;
 }
 
-TEST(N03, RaysInClosedMeshesFarFromTheOriginDoNotLeak) {
+TEST(N03FarFromOrigin, RaysInClosedMeshesFarFromTheOriginDoNotLeak) {
   std::vector<ClosedMesh> meshes;
   meshes.push_back(
       MakeClosedMesh("sphere of 2 at 1e5", UvSphere({148'376, 1'234, -223'423}, 2, 24, 48)));
@@ -109,7 +109,7 @@ TEST(N03, RaysInClosedMeshesFarFromTheOriginDoNotLeak) {
   RunOnGenerated("N03 far from the origin", VertexAndEdgeRays, std::move(meshes), 109);
 }
 
-TEST(N04, RaysInClosedMeshesOfAnyScaleDoNotLeak) {
+TEST(N04AnyScale, RaysInClosedMeshesOfAnyScaleDoNotLeak) {
   std::vector<ClosedMesh> meshes;
   for (const int exponent : {-30, -20, -15, -10, 0, 10, 15, 20, 30}) {
     const double scale = std::pow(10.0, exponent);
@@ -123,7 +123,7 @@ TEST(N04, RaysInClosedMeshesOfAnyScaleDoNotLeak) {
   RunOnGenerated("N04 scales", VertexAndEdgeRays, std::move(meshes), 110);
 }
 
-TEST(N01, EveryBuildIsAsTightAsTheOthers) {
+TEST(N01AtVertices, EveryBuildIsAsTightAsTheOthers) {
   const MeshData data = RoundToFloat(IcoSphere({0, 0, 0}, 1, 3));
   auto engine = RandomEngine(4);
   std::vector<Ray> rays = RaysAtVertices(data, {0.1, 0.2, -0.1}, 4'000);

@@ -60,14 +60,14 @@ void ExpectParity(const ClosedMesh& mesh, bool is_convex, std::uint64_t stream,
               rays, wrong, 3 / static_cast<double>(rays));
 }
 
-TEST(N21, ParityIsRightThroughEdgesAndVerticesOfGeneratedMeshes) {
+TEST(N21Parity, ParityIsRightThroughEdgesAndVerticesOfGeneratedMeshes) {
   ExpectParity(MakeClosedMesh("cube", Cube({0, 0, 0}, 1)), true, 2101);
   ExpectParity(MakeClosedMesh("sphere", IcoSphere({0.1, 0.2, 0.3}, 1, 4)), false, 2102);
   ExpectParity(MakeClosedMesh("bumpy sphere", RoundToFloat(BumpySphere({0, 0, 0}, 1, 40, 80, 0.3))),
                false, 2103);
 }
 
-TEST(N21, ParityIsRightThroughEdgesAndVerticesOfTheCollectionsClosedMeshes) {
+TEST(N21Parity, ParityIsRightThroughEdgesAndVerticesOfTheCollectionsClosedMeshes) {
   KDRAY_NEED_MESHES();
   std::uint64_t stream = 2110;
   const std::vector<std::string> files = ClosedCollectionFiles();
@@ -79,7 +79,7 @@ TEST(N21, ParityIsRightThroughEdgesAndVerticesOfTheCollectionsClosedMeshes) {
 // Every line through two points of a lattice on which the corners of the solids lie too, so that
 // lines run along sides, edges and diagonals, and each point is inside or outside by arithmetic on
 // small integers.
-TEST(N21, ParityIsRightForEveryRayOfASmallWorld) {
+TEST(N21Parity, ParityIsRightForEveryRayOfASmallWorld) {
   const MeshData data = Join(Cube({2, 2, 2}, 1), Cube({5, 2, 2}, 1));
   const auto is_outside = [](const Vec3d& p) {
     return p.x < 1 || p.x > 6 || (p.x > 3 && p.x < 4) || p.y < 1 || p.y > 3 || p.z < 1 || p.z > 3;

@@ -153,7 +153,7 @@ std::vector<RayF> PacketRays(const MeshData& data, const Bounds3d& bounds,
   return rays;
 }
 
-TEST(N20, APacketAnswersAsItsRaysAloneDo) {
+TEST(N20SameBytes, APacketAnswersAsItsRaysAloneDo) {
   auto engine = RandomEngine(2064);
   std::vector<MeshData> meshes = Meshes();
   meshes.push_back(RoundToFloat(BumpySphere({0, 0, 0}, 1, 60, 90, 0.3)));
@@ -204,7 +204,7 @@ std::vector<RayF> RaysFromTheSurface(const MeshData& data, std::size_t packets,
   return rays;
 }
 
-TEST(N20, OriginsOnTheSurfaceChangeNoBitAndGiveNoNegativeZero) {
+TEST(N20SameBytes, OriginsOnTheSurfaceChangeNoBitAndGiveNoNegativeZero) {
   auto engine = RandomEngine(2080);
   // Coordinates of few bits, so that origins lie exactly on the triangles' planes.
   MeshData few_bits;
@@ -242,7 +242,7 @@ TEST(N20, OriginsOnTheSurfaceChangeNoBitAndGiveNoNegativeZero) {
   }
 }
 
-TEST(N20, BuildThreadsBatchAndKernelChangeNoBit) {
+TEST(N20SameBytes, BuildThreadsBatchAndKernelChangeNoBit) {
   for (const MeshData& data : Meshes()) {
     const ClosedMesh mesh = MakeClosedMesh("mesh", data);
     const std::vector<RayF> floats = MixedRays(mesh, 200);
@@ -286,7 +286,7 @@ TEST(N20, BuildThreadsBatchAndKernelChangeNoBit) {
   }
 }
 
-TEST(N20, CountsAndCrossingsDependOnNeitherBuildNorThreadsNorBatch) {
+TEST(N20SameBytes, CountsAndCrossingsDependOnNeitherBuildNorThreadsNorBatch) {
   for (const MeshData& data : Meshes()) {
     const ClosedMesh mesh = MakeClosedMesh("mesh", data);
     const std::vector<Ray> rays = Widened(MixedRays(mesh, 300));
@@ -311,7 +311,7 @@ TEST(N20, CountsAndCrossingsDependOnNeitherBuildNorThreadsNorBatch) {
   }
 }
 
-TEST(N20, ATreeJustBuiltOneInMemoryAndOneFromDiskAnswerTheSame) {
+TEST(N20SameBytes, ATreeJustBuiltOneInMemoryAndOneFromDiskAnswerTheSame) {
   for (const MeshData& data : Meshes()) {
     const ClosedMesh mesh = MakeClosedMesh("mesh", data);
     const std::vector<RayF> floats = MixedRays(mesh, 200);

@@ -18,7 +18,7 @@ Vec3d Scaled(const Vec3d& v, int k) {
   return {std::ldexp(v.x, k), std::ldexp(v.y, k), std::ldexp(v.z, k)};
 }
 
-TEST(N05, ScalingByPowersOfTwoChangesNoBit) {
+TEST(N05PowersOfTwo, ScalingByPowersOfTwoChangesNoBit) {
   const MeshData data = RoundToFloat(BumpySphere({0.3, -0.2, 0.1}, 1, 30, 60, 0.3));
   const Scene scene = MakeScene(data, BuildKind::kKdSah);
   auto engine = RandomEngine(5);

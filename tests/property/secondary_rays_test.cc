@@ -35,7 +35,7 @@ Vec3d AnyDirection(const MeshData& data, const Hit& hit, std::mt19937_64& engine
   return NormalizedAtAnyScale(edge) + random * std::pow(10.0, Uniform(engine, -6, -1));
 }
 
-TEST(N16, RaysThatLeaveASurfaceDoNotHitItAgain) {
+TEST(N16SecondaryRays, RaysThatLeaveASurfaceDoNotHitItAgain) {
   auto engine = RandomEngine(1600);
   struct Case {
     const char* name;
@@ -75,7 +75,7 @@ TEST(N16, RaysThatLeaveASurfaceDoNotHitItAgain) {
 
 // Two spheres, the outer one a few ulps of a float larger: a ray that goes out through the inner
 // one and starts anew there must meet the outer one.
-TEST(N16, ASurfaceCloseByIsNotPassedOver) {
+TEST(N16SecondaryRays, ASurfaceCloseByIsNotPassedOver) {
   auto engine = RandomEngine(1601);
   for (const double scale : {1e-8, 1.0, 1e8}) {
     const double ulp = scale * 0x1p-23;

@@ -99,7 +99,7 @@ std::vector<Ray> RaysAt(const MeshData& data, std::size_t count, std::mt19937_64
   return rays;
 }
 
-TEST(N12, SliversAnswerAsRationalNumbersDo) {
+TEST(N12Slivers, SliversAnswerAsRationalNumbersDo) {
   auto engine = RandomEngine(1200);
   for (const double aspect : {1e3, 1e4, 1e5, 1e6, 1e7, 1e8}) {
     Tally tally;
@@ -114,7 +114,7 @@ TEST(N12, SliversAnswerAsRationalNumbersDo) {
   }
 }
 
-TEST(N12, TrianglesWithoutAreaAreHitByNothing) {
+TEST(N12Slivers, TrianglesWithoutAreaAreHitByNothing) {
   auto engine = RandomEngine(1201);
   // Corners on lattice points: many are collinear or equal, exactly.
   const auto point = [&] {
@@ -143,7 +143,7 @@ TEST(N12, TrianglesWithoutAreaAreHitByNothing) {
   Print("N12 flat triangles on a lattice", tally);
 }
 
-TEST(N13, GrazingRaysAnswerAsRationalNumbersDo) {
+TEST(N13GrazingRays, GrazingRaysAnswerAsRationalNumbersDo) {
   auto engine = RandomEngine(1300);
   const MeshData data = RoundToFloat(Soup(24, 1.0, 1301));
   for (int power = 2; power <= 9; ++power) {
@@ -172,7 +172,7 @@ TEST(N13, GrazingRaysAnswerAsRationalNumbersDo) {
   }
 }
 
-TEST(N13, RaysInATrianglesPlaneDoNotHitIt) {
+TEST(N13GrazingRays, RaysInATrianglesPlaneDoNotHitIt) {
   auto engine = RandomEngine(1302);
   // Planes through lattice points contain lattice rays exactly.
   const MeshData data = Join(Grid(4, 0, 0.5), Join(Grid(4, 1, 0.5), Grid(4, 2, 0.5)));

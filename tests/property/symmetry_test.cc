@@ -101,7 +101,7 @@ std::vector<PrimitiveId> AllTriangles() {
   return ids;
 }
 
-TEST(N06, PermutedAndMirroredAxesChangeNoAnswer) {
+TEST(N06Symmetry, PermutedAndMirroredAxesChangeNoAnswer) {
   std::array<int, 3> axes = {0, 1, 2};
   int mirror = 0;
   do {
@@ -128,7 +128,7 @@ TEST(N06, PermutedAndMirroredAxesChangeNoAnswer) {
   } while (std::next_permutation(axes.begin(), axes.end()));
 }
 
-TEST(N06, TurnedAndReversedTrianglesChangeNoAnswer) {
+TEST(N06Symmetry, TurnedAndReversedTrianglesChangeNoAnswer) {
   auto engine = RandomEngine(601);
   MeshData data = TheSubject().mesh.data;
   for (TriangleIndices& t : data.triangles) {
@@ -138,7 +138,7 @@ TEST(N06, TurnedAndReversedTrianglesChangeNoAnswer) {
   ExpectSame(data, TheSubject().rays, AllTriangles(), true);
 }
 
-TEST(N06, ShuffledTrianglesChangeNothingButNumbers) {
+TEST(N06Symmetry, ShuffledTrianglesChangeNothingButNumbers) {
   auto engine = RandomEngine(602);
   std::vector<PrimitiveId> original = AllTriangles();
   std::shuffle(original.begin(), original.end(), engine);
@@ -148,7 +148,7 @@ TEST(N06, ShuffledTrianglesChangeNothingButNumbers) {
   ExpectSame(data, TheSubject().rays, original, false);
 }
 
-TEST(N06, OfDuplicatesTheFirstIsHitAndEachIsCrossed) {
+TEST(N06Symmetry, OfDuplicatesTheFirstIsHitAndEachIsCrossed) {
   const Subject& subject = TheSubject();
   MeshData data = subject.mesh.data;
   data.triangles.insert(data.triangles.end(), subject.mesh.data.triangles.begin(),

@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "tests/unit/core/mesh_texts.h"
+#include "tests/unit/core/io/mesh_texts.h"
 
 namespace kdray::core {
 namespace {

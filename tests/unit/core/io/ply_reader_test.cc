@@ -14,7 +14,7 @@
 
 #include "core/io/ply_header.h"
 #include "tests/support/seed.h"
-#include "tests/unit/core/mesh_texts.h"
+#include "tests/unit/core/io/mesh_texts.h"
 
 namespace kdray::core {
 namespace {

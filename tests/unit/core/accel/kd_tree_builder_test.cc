@@ -15,7 +15,7 @@
 #include "core/base/parallel.h"
 #include "core/geometry/local_ray.h"
 #include "tests/support/shapes.h"
-#include "tests/unit/core/tree_checks.h"
+#include "tests/unit/core/accel/tree_checks.h"
 
 namespace kdray::test {
 namespace {

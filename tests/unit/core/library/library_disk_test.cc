@@ -10,7 +10,7 @@
 
 #include "core/library/tree_library.h"
 #include "tests/support/temporary_folder.h"
-#include "tests/unit/core/library_fixture.h"
+#include "tests/unit/core/library/library_fixture.h"
 
 namespace kdray::test {
 namespace {

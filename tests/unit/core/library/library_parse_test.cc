@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/unit/core/library_fixture.h"
+#include "tests/unit/core/library/library_fixture.h"
 
 namespace kdray::test {
 namespace {

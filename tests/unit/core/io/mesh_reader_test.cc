@@ -14,7 +14,7 @@
 #include "tests/support/csv.h"
 #include "tests/support/mesh_files.h"
 #include "tests/support/seed.h"
-#include "tests/unit/core/mesh_texts.h"
+#include "tests/unit/core/io/mesh_texts.h"
 
 namespace kdray::core {
 namespace {
@@ -368,7 +368,7 @@ void ExpectBounded(std::span<const std::byte> bytes) {
   EXPECT_LE(use.peak - use.result, 2 * bytes.size() + kSlack);
 }
 
-TEST(N19, RefusesBrokenCountsWithoutTakingMemoryForThem) {
+TEST(N19HostileFiles, RefusesBrokenCountsWithoutTakingMemoryForThem) {
   const std::string ply = "ply\nformat ascii 1.0\n";
   const std::string binary_ply = "ply\nformat binary_little_endian 1.0\n";
   const std::string xyz = "property float x\nproperty float y\nproperty float z\n";
@@ -405,7 +405,7 @@ TEST(N19, RefusesBrokenCountsWithoutTakingMemoryForThem) {
   }
 }
 
-TEST(N19, TakesAtMostTwiceTheBodyForLiesThatAreAsLargeAsTheFileAllows) {
+TEST(N19HostileFiles, TakesAtMostTwiceTheBodyForLiesThatAreAsLargeAsTheFileAllows) {
   // Files of blank lines that claim the most rows their bytes could hold.
   const std::string blanks(1 << 20, '\n');
   const std::string count = std::to_string((1 << 20) / 6 - 100);
@@ -427,7 +427,7 @@ TEST(N19, TakesAtMostTwiceTheBodyForLiesThatAreAsLargeAsTheFileAllows) {
   }
 }
 
-TEST(N19, TakesAtMostTwiceTheBodyBesideTheResultForDenseFiles) {
+TEST(N19HostileFiles, TakesAtMostTwiceTheBodyBesideTheResultForDenseFiles) {
   constexpr int kRows = 60000;
   std::string vertices;
   std::string obj_faces;
@@ -473,7 +473,7 @@ TEST(N19, TakesAtMostTwiceTheBodyBesideTheResultForDenseFiles) {
   }
 }
 
-TEST(N19, KeepsItsBoundOnTheWholeCollection) {
+TEST(N19HostileFiles, KeepsItsBoundOnTheWholeCollection) {
   KDRAY_NEED_MESHES();
   for (const std::filesystem::path& folder :
        {*test::MeshFolder(), *test::MeshFolder() / "bad", *test::MeshFolder() / "reported"}) {

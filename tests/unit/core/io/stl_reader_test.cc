@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/unit/core/mesh_texts.h"
+#include "tests/unit/core/io/mesh_texts.h"
 
 namespace kdray::core {
 namespace {

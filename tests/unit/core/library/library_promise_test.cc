@@ -11,7 +11,7 @@
 
 #include "core/library/tree_library.h"
 #include "tests/support/seed.h"
-#include "tests/unit/core/library_fixture.h"
+#include "tests/unit/core/library/library_fixture.h"
 
 namespace kdray::test {
 namespace {

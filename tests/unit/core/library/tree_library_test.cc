@@ -10,8 +10,9 @@
 #include <thread>
 #include <vector>
 
+#include "core/library/parse_mesh.h"
 #include "tests/support/seed.h"
-#include "tests/unit/core/library_fixture.h"
+#include "tests/unit/core/library/library_fixture.h"
 
 namespace kdray::test {
 namespace {

@@ -1,4 +1,4 @@
-#include "tests/unit/core/tree_checks.h"
+#include "tests/unit/core/accel/tree_checks.h"
 
 #include <gtest/gtest.h>
 

@@ -12,7 +12,7 @@
 #include "core/io/mesh_reader.h"
 #include "tests/support/cancel_probe.h"
 #include "tests/support/mesh_files.h"
-#include "tests/unit/core/mesh_texts.h"
+#include "tests/unit/core/io/mesh_texts.h"
 
 namespace kdray::core {
 namespace {

@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "tests/unit/core/library_fixture.h"
+#include "tests/unit/core/library/library_fixture.h"
 
 namespace kdray::core {
 namespace {
