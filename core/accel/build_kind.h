@@ -1,4 +1,4 @@
-// The structures a caller can ask for.
+// The structures that a caller can choose.
 #pragma once
 
 #include <array>
@@ -10,10 +10,11 @@
 namespace kdray::core {
 
 enum class BuildKind : std::uint8_t {
-  kKdSah,  ///< SAH kd-tree: exact candidates in small nodes, binned ones above, clipped triangles
-  kKdBinned,  ///< binned candidates only: builds faster, traverses slower
-  kKdCyclic,  ///< the lecture note's Algorithm 1: SAH over centroid planes, axes in turn
-  kKdMedian,  ///< centroid median, axes in turn
+  kKdSah,  ///< SAH kd-tree over clipped triangles: exact candidates in small nodes, bins in larger
+           ///< ones
+  kKdBinned,  ///< the same with bins in all nodes: builds faster, traverses slower
+  kKdCyclic,  ///< SAH over planes through centroids, axes in turn (Tang 2019, Algorithm 1)
+  kKdMedian,  ///< planes at the median centroid, axes in turn
   kBvh,       ///< binned-SAH bounding volume hierarchy
   kBox,       ///< one bounding box, then every triangle
 };
@@ -25,7 +26,7 @@ inline constexpr std::array kAllBuildKinds = {BuildKind::kKdSah,    BuildKind::k
 std::string_view Name(BuildKind kind);
 std::optional<BuildKind> ParseBuildKind(std::string_view name);
 
-/// What `auto` picks: a mesh of 12 triangles or fewer needs no tree.
+/// The build of `auto`: a mesh of 12 triangles or fewer needs no tree.
 BuildKind AutoBuildKind(std::size_t triangle_count);
 
 }  // namespace kdray::core

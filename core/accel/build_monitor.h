@@ -1,4 +1,4 @@
-// What the builders tell the outside while they work, and hear from it.
+// The builders' connection to their caller: cancellation and progress.
 #pragma once
 
 #include <atomic>
@@ -13,9 +13,8 @@ class BuildMonitor {
  public:
   explicit BuildMonitor(const BuildOptions& options) : options_(options) {}
 
-  /// Looks at the token, so call it once per piece of work, which is a few thousand references.
-  /// Once true it stays true; the caller then returns whatever is quickest, since the tree is
-  /// thrown away.
+  /// Checks the token, so call it once per piece of work, which is a few thousand references. Once
+  /// true it stays true; the caller may then return anything, because the tree is discarded.
   bool ShouldStop() {
     if (stopped_.load(std::memory_order_relaxed)) return true;
     if (!options_.cancel.ShouldStop()) return false;
@@ -23,17 +22,17 @@ class BuildMonitor {
     return true;
   }
 
-  /// For one thread's loop over more than a piece.
+  /// For a thread's loop over more than one piece.
   CancelPoll MakePoll() const { return CancelPoll(options_.cancel); }
   const CancelToken& cancel() const { return options_.cancel; }
 
-  /// Of the whole build the fraction `share` is done: each node hands its share to its children in
+  /// Adds `share`, a fraction of the whole build. Each node divides its share among its children in
   /// proportion to their references.
   void AddDone(double share) {
     if (options_.progress != nullptr) options_.progress->Add(share);
   }
 
-  /// Success, or the reason why the build stopped: whatever was left out was left out for that.
+  /// Success, or the reason why the build stopped.
   Status Finish() {
     if (ShouldStop()) return options_.cancel.ToError();
     if (options_.progress != nullptr) options_.progress->Finish();

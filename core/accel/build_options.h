@@ -1,4 +1,4 @@
-// What every builder takes besides the mesh.
+// Options of every builder.
 #pragma once
 
 #include "core/base/cancel.h"
@@ -7,7 +7,7 @@
 namespace kdray::core {
 
 struct BuildOptions {
-  CancelToken cancel;            ///< a stopped build leaves nothing behind
+  CancelToken cancel;            ///< a stopped build returns nothing
   Progress* progress = nullptr;  ///< may be null; reaches 1 at the end
 };
 

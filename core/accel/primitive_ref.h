@@ -1,4 +1,4 @@
-// Triangles on their way into a tree.
+// Primitive references: the triangles of an unfinished tree.
 #pragma once
 
 #include <algorithm>
@@ -26,7 +26,7 @@ struct PrimitiveRef {
   friend bool operator==(const PrimitiveRef&, const PrimitiveRef&) = default;
 };
 
-/// The ends of a reference's bounds on the three axes; the fourth lane means nothing.
+/// The ends of a reference's bounds on the three axes; the fourth lane is unspecified.
 inline Float4 LowOf(const PrimitiveRef& reference) { return Load4(&reference); }
 inline Float4 HighOf(const PrimitiveRef& reference) {
   static_assert(sizeof(PrimitiveRef) == 28 && offsetof(PrimitiveRef, bounds.max) == 12);
@@ -39,8 +39,8 @@ inline void StorePrimitiveRef(Float4 low, Float4 high, PrimitiveRef* to) {
   std::memcpy(static_cast<void*>(reinterpret_cast<char*>(to) + 12), &high, sizeof high);
 }
 
-/// Room for references that are written before they are read: unlike a vector it does not fill them
-/// first, on one thread, which for large nodes takes as long as the work itself.
+/// An array of uninitialised references. Unlike a vector it does not fill them first, on one
+/// thread, which for large nodes would take as long as the work itself.
 class PrimitiveRefArray {
  public:
   PrimitiveRefArray() = default;
@@ -69,21 +69,21 @@ class PrimitiveRefArray {
 };
 
 /// References of all triangles that are not degenerate, by ascending id; local coordinates, rounded
-/// outward. Anything once the monitor says stop; the same holds for what follows.
+/// outward. Unspecified if the monitor stops, as are the results of the functions below.
 PrimitiveRefArray MakePrimitiveRefs(const TriangleMesh& mesh, BuildMonitor* monitor = nullptr);
 
 /// The union of their bounds. Large spans are searched in parallel.
 Bounds3f UnionBounds(std::span<const PrimitiveRef> references, BuildMonitor* monitor = nullptr);
 
-/// Work on many references is cut into pieces of this size, whatever the number of threads.
+/// Work on many references is split into pieces of this size, for any number of threads.
 inline constexpr std::size_t kReferenceChunk = 8192;
 
 inline std::size_t ReferenceChunks(std::size_t references) {
   return (references + kReferenceChunk - 1) / kReferenceChunk;
 }
 
-/// f(chunk, number) for each of the ReferenceChunks(), possibly at the same time, until the monitor
-/// says stop.
+/// f(chunk, number) for each of the ReferenceChunks(), possibly in parallel, until the monitor
+/// stops.
 template <class F>
 void ForEachReferenceChunk(std::span<const PrimitiveRef> references, BuildMonitor* monitor,
                            const F& f) {
@@ -94,7 +94,7 @@ void ForEachReferenceChunk(std::span<const PrimitiveRef> references, BuildMonito
   });
 }
 
-/// The sum of reduce(chunk) over all chunks, added up in order with T::Add.
+/// The sum of reduce(chunk) over all chunks, added in order with T::Add.
 template <class T, class Reduce>
 T ReduceReferences(std::span<const PrimitiveRef> references, BuildMonitor* monitor,
                    const Reduce& reduce) {

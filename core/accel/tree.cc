@@ -31,8 +31,8 @@ Result<std::shared_ptr<const BinaryTree>> Tree::Binary(const TriangleMesh& mesh,
     const std::lock_guard lock(kept_->mutex);
     if (kept_->binary) return kept_->binary;
   }
-  // Built without the lock: a thread that waited for it inside a parallel loop could be the one
-  // that the build itself waits for. Two at once make the same tree.
+  // Built without the lock: a thread that waits for the lock inside a parallel loop could be the
+  // one that the build waits for. Two simultaneous builds make the same tree.
   Result<BinaryTree> made = BuildBinaryTree(mesh, build, options);
   if (!made.ok()) return std::move(made).error();
   if (auto* kd_tree = std::get_if<KdTree>(&*made)) kd_tree->node_bounds = {};
@@ -90,7 +90,7 @@ Result<Tree> FinishTree(const TriangleMesh& mesh, BuildKind kind, const BinaryTr
   tree.build = kind;
   std::visit(
       [&](const auto& structure) {
-        // The sums of the statistics go through the nodes in their order, so on one thread.
+        // The statistics are summed in the order of the nodes, so on one thread.
         ParallelInvoke([&] { tree.wide = Collapse(mesh, structure, &monitor); },
                        [&] { tree.stats = ComputeStats(structure, cost, cancel); });
       },
@@ -104,26 +104,25 @@ std::uint64_t EstimateFinishBytes(const BinaryTree& binary) {
   return std::visit([](const auto& tree) { return tree.bytes() + CollapseBytes(tree); }, binary);
 }
 
-// Upper bounds, derived from the limits of the builders rather than measured: a usual mesh needs a
-// third of it or less. A vector that grows counts three times, old and new storage being there
-// together.
+// Upper bounds, derived from the limits of the builders; a usual mesh needs at most a third. A
+// growing vector counts three times, because old and new storage exist together.
 std::uint64_t EstimateBuildBytes(std::size_t triangle_count, BuildKind kind) {
   const std::uint64_t n = triangle_count;
   const std::uint64_t threads = std::max(1u, std::thread::hardware_concurrency());
-  // Triangles in the subtrees that single threads are at work on.
+  // Triangles in the subtrees that single threads build.
   const std::uint64_t serial = std::min(n, threads * KdBuildLimits::kTopReferences);
   constexpr std::uint64_t kFixed = 1 << 16;
-  // Wide trees come in huge pages; usual ones take 85 to 180 bytes a triangle, and twice as much
-  // while they are made.
+  // Wide trees use huge pages; usual ones take 85 to 180 bytes a triangle, and twice as much while
+  // they are built.
   constexpr std::uint64_t kWideFixed = std::uint64_t{4} << 20;
   constexpr std::uint64_t kUsualWide = 450;
   switch (kind) {
     case BuildKind::kBox:
-      // The only leaf holds everything, so the histogram of leaves has n + 1 places.
+      // The leaf has all triangles; eight bytes a triangle are a margin.
       return kFixed + kWideFixed +
              n * (sizeof(PrimitiveId) + sizeof(std::uint64_t) + sizeof(LeafBlock) / 8);
     case BuildKind::kBvh:
-      // References, ids, and the nodes (two for each triangle) as pieces and as one.
+      // References, ids, and the nodes (two for each triangle), in pieces and assembled.
       return kFixed + kWideFixed +
              std::max(n * (sizeof(PrimitiveRef) + sizeof(PrimitiveId) + 4 * sizeof(BvhNode)) +
                           serial * (3 * 2 * sizeof(BvhNode)),
@@ -137,22 +136,22 @@ std::uint64_t EstimateBuildBytes(std::size_t triangle_count, BuildKind kind) {
   // their parents.
   constexpr std::uint64_t kFinished =
       2 * (sizeof(KdNode) + sizeof(Bounds3f)) / KdBuildLimits::kLeafWeight + sizeof(PrimitiveId);
-  // In a large node at most 3/8 of the weight are references; they are there twice while they are
-  // handed to the children. kd-cyclic sorts four lists of floats by way of a fifth.
+  // In a large node at most 3/8 of the weight are references; they exist twice while they are
+  // distributed to the children. kd-cyclic sorts four lists of floats with a fifth as scratch.
   constexpr std::uint64_t kLarge = kWeight * 3 / 8 * (2 * sizeof(PrimitiveRef) + 5 * sizeof(float));
-  // KdSubtreeBuilder: its stack, and the piece it makes; the references of one node on their way to
-  // its children.
+  // KdSubtreeBuilder: its stack, its piece, and the references of one node while they are
+  // distributed.
   constexpr std::uint64_t kSubtree =
       3 * kWeight * (sizeof(PrimitiveRef) + kFinished) + 2 * 2 * sizeof(PrimitiveRef);
-  // SweepBuilder: slots, sides and six events; events of one node kept, and made anew; two more
-  // while they are sorted.
+  // SweepBuilder: slots, sides and six events; the events of one node, kept and new; two more while
+  // they are sorted.
   constexpr std::uint64_t kSweep =
       3 * (kWeight * (sizeof(PrimitiveRef) + 1 + 6 * sizeof(SplitEvent)) + 18 * sizeof(SplitEvent));
   const std::uint64_t scratch = serial * kSubtree +
                                 std::min(n, threads * KdBuildLimits::kSweepReferences) * kSweep +
                                 std::min(n, threads * kReferenceChunk) * 3 * sizeof(PrimitiveRef);
   const std::uint64_t splitting = n * std::max(kLarge, kWeight * kFinished) + scratch;
-  // Then the scratch is gone and the pieces are put together.
+  // After that the scratch is freed, and the pieces are assembled.
   const std::uint64_t assembling = n * 2 * kWeight * kFinished;
   return kFixed + kWideFixed + std::max({splitting, assembling, n * kUsualWide});
 }

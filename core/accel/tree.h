@@ -1,4 +1,4 @@
-// Built structures of any kind, with their statistics.
+// A built tree of any kind, with its statistics.
 #pragma once
 
 #include <cstddef>
@@ -18,26 +18,25 @@
 
 namespace kdray::core {
 
-/// A structure as its builder makes it: what the lecture note describes, what cells, statistics and
-/// counted steps are taken from.
+/// A structure as its builder makes it: the source of cells, statistics and step counts.
 using BinaryTree = std::variant<BoxList, Bvh, KdTree>;
 
-/// A built structure in the form that queries use (core/accel/wide/wide_tree.h), and what is known
-/// about the binary tree it was made from. Immutable once built; safe from many threads at once.
+/// A built structure in the form that queries use (wide_tree.h), and the statistics of its binary
+/// tree. Immutable once built; safe from many threads at once.
 class Tree {
  public:
   BuildKind build = BuildKind::kBox;
   WideTree wide;
-  TreeStats stats;  ///< of the binary tree, but for `bytes`, which are those of the wide one
+  TreeStats stats;  ///< of the binary tree, except `bytes`, which are those of the wide tree
 
   std::uint64_t bytes() const { return wide.bytes(); }
-  /// What it may come to: the binary tree is made again, and then kept, when somebody asks.
+  /// Upper bound of its memory: Binary() rebuilds the binary tree and keeps it.
   std::uint64_t most_bytes() const {
     return bytes() + stats.nodes * sizeof(BvhNode) + stats.references * sizeof(PrimitiveId);
   }
 
-  /// The binary tree over the same mesh. Made on demand: queries do not need it, and making it
-  /// again takes no longer than the first time. Errors: those of BuildTree.
+  /// The binary tree over the same mesh. Rebuilt on demand: queries do not need it, and it takes no
+  /// longer than the first build. Errors: those of BuildTree.
   Result<std::shared_ptr<const BinaryTree>> Binary(const TriangleMesh& mesh,
                                                    const BuildOptions& options = {}) const;
 
@@ -52,19 +51,18 @@ class Tree {
 /// KdTree::kMaxDepth, at most 8 references a triangle. Errors: kCancelled, kDeadlineExceeded.
 Result<Tree> BuildTree(const TriangleMesh& mesh, BuildKind kind, const BuildOptions& options = {});
 
-/// The binary tree alone: the same that BuildTree makes on its way.
+/// Only the binary tree, as BuildTree makes it.
 Result<BinaryTree> BuildBinaryTree(const TriangleMesh& mesh, BuildKind kind,
                                    const BuildOptions& options = {});
 
-/// The second half of BuildTree; `binary` is what BuildBinaryTree made. Errors: kCancelled,
+/// The second half of BuildTree; `binary` is the result of BuildBinaryTree. Errors: kCancelled,
 /// kDeadlineExceeded.
 Result<Tree> FinishTree(const TriangleMesh& mesh, BuildKind kind, const BinaryTree& binary,
                         const CancelToken& cancel = {});
 
-/// Memory of a build, in two steps, without the mesh. The first is an upper bound of what
-/// BuildBinaryTree holds at its peak, and for usual meshes of all that BuildTree does; the second,
-/// of what is there while FinishTree makes the wide tree, both trees included: exact enough to find
-/// out that a mesh is not usual before anything is allocated for it.
+/// Memory of a build, in two steps, without the mesh. The first is an upper bound for
+/// BuildBinaryTree, and for usual meshes for all of BuildTree. The second is an upper bound for
+/// FinishTree, both trees included; it detects an unusual mesh before FinishTree allocates.
 std::uint64_t EstimateBuildBytes(std::size_t triangle_count, BuildKind kind);
 std::uint64_t EstimateFinishBytes(const BinaryTree& binary);
 

@@ -1,4 +1,4 @@
-// The boxes of a tree's nodes, for pictures of the tree and for people who study it.
+// The boxes of a tree's nodes, for pictures and study of the tree.
 #pragma once
 
 #include <cstddef>
@@ -11,8 +11,7 @@
 namespace kdray::core {
 
 struct TreeCell {
-  Bounds3d bounds;  ///< in the mesh's local frame when a structure returns it; in world units from
-                    ///< Scene::Cells
+  Bounds3d bounds;  ///< local units from a structure, world units from Scene::Cells
   std::uint32_t depth = 0;
   bool leaf = false;
   std::uint64_t triangles = 0;  ///< references in the leaves below; in a leaf, its triangles

@@ -5,7 +5,7 @@
 namespace kdray::core {
 namespace {
 
-// The fullest leaf with an entry of its own; the entry after it counts all larger ones.
+// The largest leaf size with its own entry; the next entry counts all larger leaves.
 constexpr std::size_t kHistogramLeaf = 64;
 
 }  // namespace

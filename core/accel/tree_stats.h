@@ -1,4 +1,4 @@
-// Numbers about a built tree: tree quality that tests, benchmarks and callers can watch.
+// Statistics of a built tree, for tests, benchmarks and callers.
 #pragma once
 
 #include <cstddef>
@@ -11,14 +11,16 @@ struct TreeStats {
   std::uint64_t nodes = 0;   ///< interior nodes and leaves
   std::uint64_t leaves = 0;  ///< empty ones included
   std::uint64_t empty_leaves = 0;
-  std::uint64_t references = 0;  ///< triangles over all leaves; one may lie in several
+  std::uint64_t references = 0;  ///< triangles in all leaves; one triangle may be in several
   std::uint32_t max_depth = 0;   ///< of the binary tree; the root has depth 0
-  /// [n] = leaves with n triangles, n <= 64; [65] = all larger ones. As long as the fullest needs.
+  /// [n] = leaves with n triangles, n <= 64; [65] = all larger ones. It ends with the fullest
+  /// leaf's entry.
   std::vector<std::uint64_t> leaf_histogram;
   std::uint64_t bytes = 0;  ///< memory of the tree without vertices and indices
   double sah_cost =
       0;  ///< expected cost of a random ray that crosses the bounds, in traversal steps
-  double traversal_cost = 0;     ///< the model's constants that sah_cost was made with (SahCost)
+  double traversal_cost =
+      0;  ///< the constants of the model (SahCost) with which sah_cost was computed
   double intersection_cost = 0;  ///< of a block of up to SahCost::kBlock triangles
   friend bool operator==(const TreeStats&, const TreeStats&) = default;
 };

@@ -1,4 +1,4 @@
-// What can be said about a mesh and a tree without keeping them.
+// The facts that describe a mesh and a tree without them.
 #pragma once
 
 #include <cstdint>
@@ -25,11 +25,11 @@ struct MeshFacts {
   MeshFrame frame;
   double shortest_edge = 0;        ///< TriangleMesh::shortest_edge, local units
   std::uint64_t memory_bytes = 0;  ///< of the mesh in memory
-  double parse_ms = 0;             ///< time from bytes to mesh, health included, when it was parsed
+  double parse_ms = 0;             ///< time from bytes to mesh, health report included
   friend bool operator==(const MeshFacts&, const MeshFacts&) = default;
 };
 
-/// What can be said about a tree without keeping it.
+/// The facts that describe a tree without it.
 struct TreeFacts {
   BuildKind build = BuildKind::kBox;
   TreeStats stats;

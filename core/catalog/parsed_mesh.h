@@ -1,4 +1,4 @@
-// What becomes of a mesh file: the mesh that queries run on, and its facts.
+// The result of parsing a mesh file: the mesh that queries use, and its facts.
 #pragma once
 
 #include "core/catalog/facts.h"

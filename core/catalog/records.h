@@ -1,4 +1,4 @@
-// What a store keeps about each tree and each measured mesh, as values.
+// The records of trees and measured meshes, as values.
 #pragma once
 
 #include <cstdint>
@@ -10,13 +10,13 @@
 
 namespace kdray::core {
 
-/// What is known about a tree without its mesh and structure in memory: enough to describe it.
+/// The facts about a tree that describe it without its mesh and structure in memory.
 struct TreeRecord {
   TreeId id;
   std::int64_t created_ms = 0;    ///< since 1970, UTC
   std::uint64_t mesh_bytes = 0;   ///< size of the mesh file
-  std::optional<MeshFacts> mesh;  ///< once it was parsed
-  std::optional<TreeFacts> tree;  ///< once it was built; without it a build is due
+  std::optional<MeshFacts> mesh;  ///< nullopt before it was parsed
+  std::optional<TreeFacts> tree;  ///< nullopt: a build is due
   friend bool operator==(const TreeRecord&, const TreeRecord&) = default;
 };
 

@@ -1,4 +1,4 @@
-// The name of a tree: which mesh bytes, and which structure over them was asked for.
+// The id of a tree: the hash of the mesh bytes and the requested build.
 #pragma once
 
 #include <compare>
@@ -14,14 +14,14 @@ namespace kdray::core {
 /// Written as 64 lower-case hexadecimal digits, "-", and "auto" or Name(build).
 struct TreeId {
   Sha256Digest mesh;               ///< of the mesh file's bytes
-  std::optional<BuildKind> build;  ///< none: `auto`, what AutoBuildKind picks for the mesh
+  std::optional<BuildKind> build;  ///< nullopt: `auto` (AutoBuildKind)
 
   std::string ToString() const;
   friend bool operator==(const TreeId&, const TreeId&) = default;
   friend auto operator<=>(const TreeId&, const TreeId&) = default;
 };
 
-/// Nothing unless `text` is exactly what ToString writes.
+/// nullopt unless `text` is exactly a result of ToString.
 std::optional<TreeId> ParseTreeId(std::string_view text);
 
 }  // namespace kdray::core

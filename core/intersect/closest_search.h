@@ -1,5 +1,5 @@
-// One ray through one structure: the plain path of closest hit, templated over the leaf test and
-// the structure. The kernels (core/kernel) are its fast siblings.
+// The search of one ray for its closest hit, templated over the triangle intersection and the
+// structure: the plain form of the kernels (core/kernel).
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@
 
 namespace kdray::core {
 
-/// The triangles of a mesh in the numbers a leaf test works with.
+/// The triangles of a mesh in the number type of a triangle intersection.
 template <class Number, class Stored>
 class Corners {
  public:
@@ -34,8 +34,8 @@ class Corners {
   std::span<const TriangleIndices> triangles_;
 };
 
-/// Calls f(corners, IntersectionTag<Test>()) with the test of a precision and the mesh's corners in
-/// its numbers, and returns what f does. The one place where a precision becomes a test.
+/// Returns f(corners, IntersectionTag<Test>()) for the test of a precision and the mesh's corners
+/// in its number type. The only place where a precision becomes a test.
 template <class Test>
 struct IntersectionTag {
   using Type = Test;
@@ -61,7 +61,7 @@ decltype(auto) VisitIntersection(const TriangleMesh& mesh, Precision precision, 
       });
 }
 
-/// Counts no work, at no cost.
+/// Counts nothing.
 struct NoCost {
   void CountNode() {}
   void CountTriangles(std::size_t) {}
@@ -72,13 +72,13 @@ template <class Test>
 struct ClosestSearch {
   typename Test::Hit best{};
   PrimitiveId best_id = kNoPrimitive;
-  /// The local parameter beyond which nothing can be closer.
+  /// The local parameter beyond which no triangle can be closer.
   double limit = std::numeric_limits<double>::infinity();
 
   /// Returns whether the triangle was kept.
   template <class Corners>
   bool Offer(const Test& test, PrimitiveId id, const Corners& corners) {
-    if (id == best_id) return false;  // again, from another leaf
+    if (id == best_id) return false;  // seen already in another leaf
     const auto [a, b, c] = corners(id);
     typename Test::Hit hit;
     if (!test.Test(a, b, c, &hit)) return false;
@@ -95,10 +95,10 @@ struct ClosestSearch {
   }
 };
 
-/// What a step through a node of a structure, for one ray, counts as (CancelPoll).
+/// Work (CancelPoll) of one ray's step through a node of a structure.
 inline constexpr std::uint64_t kNodeWork = 32;
 
-/// The closest accepted triangle; Hit{} on a miss, and anything once the poll has stopped.
+/// The closest accepted triangle; Hit{} on a miss; unspecified if the poll stops.
 template <class Test, class Structure, class Corners, class Cost>
 Hit FindClosest(const Structure& structure, const Corners& corners, const LocalRay& ray, Cost cost,
                 CancelPoll* poll) {

@@ -1,4 +1,4 @@
-// Differences of products with the right sign: the arithmetic under every edge test.
+// Differences of products with the exact sign: the arithmetic of every edge test.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 namespace kdray::core {
 
 /// a*b - c*d to within two units in the last place, with the exact sign, and exactly the negative
-/// of DifferenceOfProducts(c, d, a, b). Zero only when the exact value is (or all products are
+/// of DifferenceOfProducts(c, d, a, b). Zero only if the exact value is zero (or all products are
 /// below 2^-1022 + 106 bits). Source: Kahan's trick in the symmetric form (Jeannerod, Louvet,
 /// Muller 2013 analyse the common one).
 inline double DifferenceOfProducts(double a, double b, double c, double d) {
@@ -25,8 +25,8 @@ inline int SignOfDifference(float a, float b, float c, float d) {
   return (ab > cd) - (ab < cd);
 }
 
-/// The same for doubles. Rounding is monotonic, so different rounded products are in the exact
-/// order; equal ones are told apart by their rounding errors.
+/// The same for doubles. Rounding is monotonic, so different rounded products have the exact order;
+/// for equal ones, the rounding errors decide.
 inline int SignOfDifference(double a, double b, double c, double d) {
   const double ab = a * b;
   const double cd = c * d;
@@ -36,8 +36,8 @@ inline int SignOfDifference(double a, double b, double c, double d) {
   return (ab_error > cd_error) - (ab_error < cd_error);
 }
 
-/// a + b + c in an order that depends on the values alone, so that turning a triangle's corners
-/// changes no bit.
+/// a + b + c in an order that depends only on the values, so rotating a triangle's corners changes
+/// no bit.
 inline double SymmetricSum(double a, double b, double c) {
   const double low = std::min({a, b, c});
   const double high = std::max({a, b, c});

@@ -56,7 +56,7 @@ int CompareExactly(const LocalRay& ray, const ExactIntersection::Corners& a,
   return difference * ta.denominator.Sign() * tb.denominator.Sign();
 }
 
-/// A quotient of the caller's t, as it is answered.
+/// A quotient as the caller's t.
 double AsAnswered(double t) { return ToCallerT(t, 0); }
 
 double ExactT(const LocalRay& ray, const ExactIntersection::Corners& triangle) {
@@ -64,7 +64,7 @@ double ExactT(const LocalRay& ray, const ExactIntersection::Corners& triangle) {
   return AsAnswered(Dyadic::Quotient(t.numerator, t.denominator));
 }
 
-/// As RoundsToWeight rounds.
+/// Rounds as RoundsToWeight.
 double ExactWeight(const Dyadic& volume, const Dyadic& sum) {
   const double weight = Dyadic::Quotient(volume, sum);
   if (weight >= kSmallWeight) return weight;
@@ -97,8 +97,8 @@ int EdgeMet(const ExactIntersection::Hit& hit) {
   return hit.on_edge[0] ? 0 : hit.on_edge[1] ? 1 : hit.on_edge[2] ? 2 : -1;
 }
 
-/// True only if two triangles are hit at one t because of corners that they share: the corner that
-/// is hit, the ends of the edge that is hit, or all three.
+/// True only if two triangles are hit at equal t because they share the corner that is hit, the
+/// ends of the edge that is hit, or all corners.
 bool ShareWhatIsHit(const ExactIntersection::Hit& hit, const ExactIntersection::Corners& corners,
                     const ExactIntersection::Hit& other,
                     const ExactIntersection::Corners& other_corners) {
@@ -178,7 +178,7 @@ bool ExactIntersection::CancelsOut(const RoundedRay::Relative& p, const RoundedR
     if (left_is_zero && right_is_zero) continue;
     const DoubleDouble left = TwoProduct(p.at[i], q.at[j]);
     const DoubleDouble right = TwoProduct(p.at[j], q.at[i]);
-    // Below, what rounding took may have underflowed.
+    // For smaller numbers, the rounding errors may have underflowed.
     if (!(std::fabs(left.high) > 0x1p-900)) return false;
     if (left.high != right.high || left.low != right.low) return false;
   }
@@ -198,9 +198,9 @@ bool ExactIntersection::Test(const Vec3d& a, const Vec3d& b, const Vec3d& c, Hit
   hit->side = any_positive ? 1 : -1;
   hit->on_edge = {wa.sign == 0, wb.sign == 0, wc.sign == 0};
 
-  // The volumes' weighted mean of the corners' parameters: between the least and the largest of
-  // them, each off by 4 units and the origin's rounding; and off by no more than the volumes'
-  // errors are of their sum, times the distance between the parameters.
+  // The mean of the corners' parameters, weighted by the volumes: between the least and the largest
+  // of them, each with an error of 4 units and the origin's rounding. The error of the mean is at
+  // most the ratio of the volumes' errors to their sum, times the distance between the parameters.
   const int axis = std::fabs(ray_.direction.x) >= 1 ? 0 : std::fabs(ray_.direction.y) >= 1 ? 1 : 2;
   const double inverse = 1 / ray_.direction[axis];
   const double sa = ra.at[axis] * inverse, sb = rb.at[axis] * inverse, sc = rc.at[axis] * inverse;
@@ -212,7 +212,7 @@ bool ExactIntersection::Test(const Vec3d& a, const Vec3d& b, const Vec3d& c, Hit
   const double doubt = 4 * (wa.error + wb.error + wc.error) / std::fabs(sum) * (most - least);
   hit->low = least - room;
   hit->high = most + room;
-  if (doubt + room < most - least) {  // false for NaN, where the volumes are too small to add up
+  if (doubt + room < most - least) {  // false for NaN, if the volumes are too small to sum
     hit->low = std::max(hit->low, mean - doubt - room);
     hit->high = std::min(hit->high, mean + doubt + room);
   }
@@ -226,9 +226,8 @@ bool ExactIntersection::OwnsCrossing(const Vec3d& a, const Vec3d& b, const Vec3d
          (!hit.on_edge[2] || MovedSign(a, b) == hit.side);
 }
 
-// With the origin moved by m, the volume direction . ((p - origin) x (q - origin)) grows by
-// m . ((p - q) x direction). For m = (e, e^2, e^3) the first component of the product that is not 0
-// decides.
+// With the origin moved by m, the volume direction . ((p - origin) x (q - origin)) grows by m . ((p
+// - q) x direction). For m = (e, e^2, e^3) the first nonzero component of the product decides.
 int ExactIntersection::MovedSign(const Vec3d& p, const Vec3d& q) const {
   const Vec3d edge = p - q;
   const Vec3d& d = ray_.direction;
@@ -242,7 +241,7 @@ int ExactIntersection::MovedSign(const Vec3d& p, const Vec3d& q) const {
     // Three roundings on the way to each product and their difference; then underflow.
     const double bound = 4 * kUnit * (std::fabs(left) + std::fabs(right)) + 0x1p-1070;
     if (std::fabs(value) > bound) return value > 0 ? 1 : -1;
-    // A rounded difference is 0 only when the corners' coordinates are equal.
+    // A rounded difference is 0 only if the corners' coordinates are equal.
     if ((edge[i] == 0 || given[j] == 0) && (edge[j] == 0 || given[i] == 0)) continue;
     const DyadicVec3 edge_exact = Exactly(p) - Exactly(q);
     const DyadicVec3 product = Cross(edge_exact, ExactDirection(ray_));

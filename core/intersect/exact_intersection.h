@@ -1,5 +1,5 @@
-// The leaf test of the precision `exact`: hits, and the order of t, are those of the real numbers
-// that the caller gave.
+// The triangle intersection of the precision `exact`: hits, and the order of t, are those of the
+// real numbers that the caller gave.
 #pragma once
 
 #include <algorithm>
@@ -16,39 +16,36 @@
 
 namespace kdray::core {
 
-/// Decides on the input as given: mesh vertices as the doubles that were parsed (the mesh frame
-/// holds them exactly), rays as the doubles of the request. Triangles are closed sets. Each
-/// decision is made in double with a bound on its error; where the bound does not settle it, in
-/// double-double (core/intersect/rounded_ray.h); and last exactly, with integers
-/// (core/geometry/dyadic.h). Nothing is allocated.
+/// Decides on the input as given: mesh vertices as the parsed doubles (the mesh frame represents
+/// them exactly), rays as the doubles of the request. Triangles are closed sets. Each decision is
+/// made in double with an error bound; if the bound does not decide, in double-double
+/// (core/intersect/rounded_ray.h); and last exactly, with integers (core/geometry/dyadic.h).
+/// Nothing is allocated.
 ///
-/// Properties:
-///  1. Test() is true exactly when the ray's line meets the closed triangle and does not lie in its
-///  plane.
-///  2. IsCloser() compares the exact t; at equal t the smaller id is closer.
-///  3. Finish() answers the exact t rounded to the nearest double, and the largest finite one where
-///  that is infinite; IsInInterval() holds this answer against the caller's interval.
-///  4. u and v are the exact weights, rounded once: to the nearest double, and below 2^-8 to the
-///  nearest multiple of 2^-60.
-///  5. Everything above depends on the ray and the triangles alone.
-/// Sources: Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric
-/// Predicates", 1997 (the filter of orient3d); Joldes et al. 2017 (the middle stage).
+/// Properties: 1. Test() is true exactly when the ray's line meets the closed triangle and does not
+/// lie in its plane. 2. IsCloser() compares the exact t; at equal t the smaller id is closer. 3.
+/// Finish() answers the exact t rounded to the nearest double, and the largest finite one where
+/// that is infinite; IsInInterval() compares this answer with the caller's interval. 4. u and v are
+/// the exact weights, rounded once: to the nearest double, and below 2^-8 to the nearest multiple
+/// of 2^-60. 5. Everything above depends on the ray and the triangles alone. Sources: Shewchuk,
+/// "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", 1997 (the
+/// filter of orient3d); Joldes et al. 2017 (the middle stage).
 class ExactIntersection {
  public:
   using Number = double;
   using Corners = std::array<Vec3d, 3>;
-  /// What a test counts as (CancelPoll): most take less, those that come to integers more.
+  /// Work (CancelPoll) of a test: most take less, those that need integers more.
   static constexpr std::uint64_t kWork = 2048;
 
-  /// A hit with what later comparisons need.
+  /// A hit with the data for later comparisons.
   struct Hit {
     double low = 0,
            high = 0;                ///< bounds of the exact local parameter of LocalRay
-    int side = 0;                   ///< common sign of the edges' volumes, where they are not 0
+    int side = 0;                   ///< common sign of the nonzero edge volumes
     std::array<bool, 3> on_edge{};  ///< volumes that are 0: the ray meets edge bc, ca, ab
   };
 
-  /// Takes rays of MakeRay only.
+  /// Only for rays of MakeRay.
   explicit ExactIntersection(const LocalRay& ray);
   static std::optional<LocalRay> MakeRay(const Ray& ray, const MeshFrame& frame) {
     return MakeExactLocalRay(ray, frame);
@@ -82,7 +79,7 @@ class ExactIntersection {
     const double t = FindT(corners(id));
     return t >= ray_.t_min && t <= ray_.t_max;
   }
-  /// The local parameter beyond which nothing is closer than a hit.
+  /// The local parameter beyond which no triangle is closer than a hit.
   double Limit(const Hit& hit) const { return hit.high + kDoublePad; }
   template <class CornersOf>
   core::Hit Finish(const Hit&, PrimitiveId id, const CornersOf& corners) const {
@@ -95,23 +92,25 @@ class ExactIntersection {
     int sign;
     double value, error;
   };
-  /// Of direction . ((p - origin) x (q - origin)): on which side the ray passes the edge p q.
+  /// The volume direction . ((p - origin) x (q - origin)), whose sign is the side on which the ray
+  /// passes the edge p q.
   Volume EdgeVolume(const RoundedRay::Relative& p, const RoundedRay::Relative& q,
                     const Vec3d& p_exact, const Vec3d& q_exact) const;
   Volume EdgeVolumeInDoubt(const RoundedRay::Relative& p, const RoundedRay::Relative& q,
                            const Vec3d& p_exact, const Vec3d& q_exact) const;
   /// True only if that volume is 0 component by component: a factor of the direction is 0, or two
-  /// products of exact differences are equal. So it is where a ray along an axis meets an edge.
+  /// products of exact differences are equal. This is the case of an axis-parallel ray that meets
+  /// an edge.
   bool CancelsOut(const RoundedRay::Relative& p, const RoundedRay::Relative& q,
                   const Vec3d& p_exact, const Vec3d& q_exact) const;
-  /// Sign of that volume, when it is 0, for the moved ray of OwnsCrossing; 0 when the edge is
-  /// parallel to the ray.
+  /// The sign of that volume for the moved ray of OwnsCrossing, if the volume is 0; 0 if the edge
+  /// is parallel to the ray.
   int MovedSign(const Vec3d& p, const Vec3d& q) const;
 
-  /// -1, 0, 1: how the exact t of two hits compare.
+  /// Compares the exact t of two hits: -1, 0, 1.
   int CompareInDoubt(const Hit& hit, const Corners& corners, const Hit& other,
                      const Corners& other_corners) const;
-  /// The t to answer, from what double-double knows of s or else exactly.
+  /// The t to answer, from s in double-double if its bound allows, else exactly.
   double RoundT(const BoundedNumber& s, const Corners& corners) const;
   double FindT(const Corners& corners) const;
   core::Hit Answer(PrimitiveId id, const Corners& corners) const;

@@ -1,4 +1,4 @@
-// How exactly a query is answered.
+// The arithmetic of the triangle intersection.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@ enum class Precision : std::uint8_t {
   kFast,        ///< float Moeller-Trumbore; may leak at edges
   kWatertight,  ///< float Woop-Benthin-Wald; no leak on a closed mesh; t, u, v in double
   kDouble,      ///< the same in double, with exact edge signs
-  kExact,       ///< hits and the order of t are those of the real numbers that the caller gave
+  kExact,       ///< hits and the order of t are those of the real numbers that were sent
 };
 inline constexpr std::array kAllPrecisions = {Precision::kFast, Precision::kWatertight,
                                               Precision::kDouble, Precision::kExact};
@@ -23,8 +23,9 @@ inline constexpr std::array kAllPrecisions = {Precision::kFast, Precision::kWate
 std::string_view Name(Precision precision);
 std::optional<Precision> ParsePrecision(std::string_view name);
 
-/// What `auto` means for `closest` and `any` on this mesh: watertight when float holds every vertex
-/// exactly and the largest |local coordinate| is less than 2^20 shortest edges; else double.
+/// The precision of `auto` for `closest` and `any` on this mesh: watertight if floats represent
+/// every vertex exactly and the largest |local coordinate| is less than 2^20 shortest edges; else
+/// double.
 Precision AutoPrecision(const TriangleMesh& mesh);
 /// The same from TriangleMesh::has_double_vertices() and shortest_edge().
 Precision AutoPrecision(bool has_double_vertices, double shortest_edge);

@@ -3,7 +3,7 @@
 namespace kdray::core {
 namespace {
 
-/// A vector in double-double, and the sizes of what was added up to get it.
+/// A vector in double-double, and the sizes of its summands.
 struct SizedVector {
   DoubleDouble at[3];
   double size[3];
@@ -48,7 +48,7 @@ SizedVector Widened(const Vec3d& v) {
   return wide;
 }
 
-/// origin - point, the origin with all that is known of it.
+/// origin - point, with the origin's low part and error.
 SizedVector FromPoint(const RoundedRay& ray, const Vec3d& point) {
   SizedVector vector;
   for (int k = 0; k < 3; ++k) {
@@ -67,8 +67,8 @@ BoundedNumber Ratio(const SizedNumber& numerator, const SizedNumber& denominator
 
 }  // namespace
 
-// Sums of two doubles, of which only the first are kept exact on the way: the second are small
-// enough for plain arithmetic, and half the operations of Cross and Dot are left.
+// Double-double in which only the first doubles are computed exactly: the second ones are small
+// enough for plain arithmetic, which halves the operations of Cross and Dot.
 BoundedNumber RoundedRay::EdgeVolume(const Vec3d& p, const Vec3d& q) const {
   DoubleDouble from_p[3], from_q[3];
   double size_p[3], size_q[3];

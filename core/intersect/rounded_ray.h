@@ -1,6 +1,6 @@
-// What the precision `exact` does in rounded arithmetic, with bounds on the errors: in double for
-// the signs of most triangles, in double-double for the rest and for the numbers of an answer. The
-// kernels do the same in vectors (core/kernel/simd/exact-inl.h, exact_hits-inl.h).
+// The rounded arithmetic of the precision `exact`, with error bounds: in double for the signs of
+// most triangles, in double-double for the others and for the numbers of an answer. The kernels do
+// the same in vectors (core/kernel/simd/exact-inl.h, exact_hits-inl.h).
 #pragma once
 
 #include <algorithm>
@@ -25,8 +25,8 @@ inline bool RoundsTo(const BoundedNumber& x, double* rounded) {
   return *rounded == x.value.high + (x.value.low + x.error);
 }
 
-/// Weights below it are rounded to multiples of 2^-52 times it, so that those near 0 need no more
-/// digits than others. Adding it to such a weight and taking it away again rounds so.
+/// Weights below it are rounded to multiples of 2^-52 times it, so those near 0 need no more digits
+/// than others. Adding it to such a weight and subtracting it again rounds this way.
 inline constexpr double kSmallWeight = 0x1p-8;
 inline bool RoundsToWeight(const BoundedNumber& x, double* rounded) {
   const double added = x.value.high < kSmallWeight ? kSmallWeight : 0;
@@ -39,7 +39,7 @@ inline bool RoundsToWeight(const BoundedNumber& x, double* rounded) {
 struct RoundedRay {
   Vec3d direction;             ///< of LocalRay
   Vec3d origin;                ///< of LocalRay, which may have been moved along the ray
-  Vec3d origin_low;            ///< what rounding took away
+  Vec3d origin_low;            ///< the rounding error
   double origin_error = 0;     ///< on each axis, of origin + origin_low
   double origin_rounding = 0;  ///< on each axis, of origin
   double shift = 0, shift_low = 0;
@@ -54,23 +54,23 @@ struct RoundedRay {
     double error;  ///< bound
   };
 
-  /// An edge's volume in double is off by no more than kProducts * (the sum of the sizes of its
+  /// The error of an edge's volume in double is at most kProducts * (the sum of the sizes of its
   /// products) + kOrigin * origin_rounding * (the sum of the two corners' sizes) + kUnderflow.
   /// Shewchuk's bound for a determinant whose rows are rounded differences:
   static constexpr double kProducts = (7 + 56 * 0x1p-53) * 0x1p-53;
-  /// What the origin's own rounding can add: six products of a direction below 2, one corner and
+  /// The contribution of the origin's rounding: six products of a direction below 2, one corner and
   /// the other's error.
   static constexpr double kOrigin = 16;
-  /// What underflow can add, of the products or of a direction's small components.
+  /// The contribution of underflow, of the products or of a direction's small components.
   static constexpr double kUnderflow = 0x1p-1000;
 
-  /// Double-double: a dozen operations of relative error 2^-102 on terms of the sizes that it adds
-  /// up; and the smallest denominator, beside which kUnderflow does not count.
+  /// Double-double: a dozen operations of relative error 2^-102 on terms of the summed sizes; and
+  /// the smallest denominator for which kUnderflow is negligible.
   static constexpr double kStep = 0x1p-97;
   static constexpr double kLeastDenominator = 0x1p-900;
 
   RoundedRay() = default;
-  /// Of MakeExactLocalRay.
+  /// For rays of MakeExactLocalRay.
   explicit RoundedRay(const LocalRay& ray)
       : direction(ray.direction),
         origin(ray.origin),
@@ -84,7 +84,8 @@ struct RoundedRay {
     const Vec3d at = corner - origin;
     return {at, MaxAbs(at)};
   }
-  /// direction . ((p - origin) x (q - origin)): on which side the ray passes the edge p q.
+  /// The volume direction . ((p - origin) x (q - origin)), whose sign is the side on which the ray
+  /// passes the edge p q.
   Volume EdgeVolume(const Relative& p, const Relative& q) const {
     const Vec3d& d = direction;
     const double yz = p.at.y * q.at.z, zy = p.at.z * q.at.y;
@@ -101,7 +102,7 @@ struct RoundedRay {
   /// The same in double-double.
   BoundedNumber EdgeVolume(const Vec3d& p, const Vec3d& q) const;
   /// A triangle's local parameter and the weights of its second and third corner; errors are
-  /// infinite where that takes more digits.
+  /// infinite if that needs more digits.
   struct Solution {
     BoundedNumber s, u, v;
   };
@@ -110,11 +111,11 @@ struct RoundedRay {
   BoundedNumber Along(const BoundedNumber& s) const {
     return {DoubleDouble{shift, shift_low} + s.value, s.error + 0x1p-100 * std::fabs(shift)};
   }
-  /// What an error of the origin adds to sizes that are taken times kStep.
+  /// The contribution of the origin's error to sizes that are multiplied by kStep.
   double OriginSize() const { return origin_error / kStep; }
 
-  /// An end of the caller's interval as a local parameter, with room for the rounding of it and of
-  /// the caller's t.
+  /// Bounds of an end of the caller's interval as a local parameter, with a margin for its rounding
+  /// and that of the caller's t.
   struct Bound {
     double low, high;
   };
@@ -123,12 +124,12 @@ struct RoundedRay {
 
 inline RoundedRay::Bound RoundedRay::BoundOf(double t, const LocalRay& ray) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  // The largest finite number is the t of all that lies beyond it: the answer itself decides.
+  // The largest finite number is also the t of all larger parameters, so the answer itself decides.
   if (std::fabs(t) == std::numeric_limits<double>::max()) return {-kInfinity, kInfinity};
   if (std::isinf(t)) return {t, t};
   const double local = ScaleByPowerOfTwo(t, -ray.exponent);
-  if (std::isinf(local)) return {-kInfinity, kInfinity};  // says nothing beside a large shift
-  // A t is rounded to a multiple of 2^-1074, however much more that is in local lengths.
+  if (std::isinf(local)) return {-kInfinity, kInfinity};  // no bound beside a large shift
+  // A t is rounded to a multiple of 2^-1074, which may be large in local lengths.
   const double room = 0x1p-48 * (std::fabs(local) + std::fabs(ray.shift)) + 0x1p-1000 +
                       ScaleByPowerOfTwo(0x1p-1074, -ray.exponent);
   return {(local - ray.shift) - 2 * room, (local - ray.shift) + 2 * room};

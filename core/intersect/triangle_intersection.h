@@ -114,7 +114,7 @@ class WatertightIntersection : public RoundedOrder {
 /// Float Moeller-Trumbore ("Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997), then
 /// a check that the point on the ray and the point on the triangle agree (property 3 above). Where
 /// they do not, as on needles and at grazing angles, the double test decides: without that a
-/// triangle could be "hit" far from where it is, and the answer would depend on which triangles an
+/// triangle could be "hit" far from where it is, and the answer would depend on which triangles a
 /// kernel offers. It promises nothing at edges: neighbours may both miss.
 class FastIntersection : public RoundedOrder {
  public:

@@ -1,6 +1,6 @@
-// The kernels: ways to take many rays through a wide tree at once. Each only culls; what a triangle
-// answers comes from the one leaf test of the precision, bit for bit, be it computed lane by lane
-// or by a ScalarSearch.
+// The kernels: ways to take many rays through a wide tree together. A kernel only culls. The
+// triangle intersection of the precision decides, bit for bit, computed in lanes or by a
+// ScalarSearch.
 #pragma once
 
 #include <atomic>
@@ -20,13 +20,13 @@
 
 namespace kdray::core {
 
-/// What kernels count for one ray (CancelPoll): for making it ready, for a step to a node's
-/// children, and for a block of triangles.
+/// Work (CancelPoll) of a kernel for one ray: preparing it, a step to a node's children, and a
+/// block of triangles.
 inline constexpr std::uint64_t kBeginWork = 64;
 inline constexpr std::uint64_t kStepWork = 32;
 inline constexpr std::uint64_t kBlockWork = 64;
 
-/// What a stretch of rays is traced against, and where its answers go.
+/// The input and output of tracing a range of rays.
 struct KernelJob {
   const WideTree* tree = nullptr;
   const TriangleMesh* mesh = nullptr;
@@ -34,31 +34,32 @@ struct KernelJob {
   Precision precision = Precision::kWatertight;
   SimdLevel simd = SimdLevel::kBaseline;
   KernelKind kernel = KernelKind::kInterleaved;
-  bool alike = false;     ///< neighbours resemble each other: what is no frustum goes by the stream
-  bool sort = false;      ///< bring rays that are alike together first
-  bool prefetch = false;  ///< for trees that the second-level cache does not hold
+  bool alike =
+      false;  ///< neighbours are similar: rays that do not form a frustum use the stream kernel
+  bool sort = false;      ///< sort similar rays together first
+  bool prefetch = false;  ///< for trees larger than the second-level cache
 
   RayBatch rays = std::span<const Ray>();
-  /// Of the rows to trace, in the order in which they are traced; null: rows first, first + 1, ….
+  /// The rows to trace, in this order; null: rows first, first + 1, ….
   const std::uint32_t* rows = nullptr;
 
-  // One of the two, by row.
+  // The answers by row; one of the two is set.
   Hit* hits = nullptr;
   std::uint8_t* occluded = nullptr;
 
   CancelToken cancel;
-  /// Set when the token stopped a block of rays; its rows and later ones then hold no answers.
+  /// Set when the token stopped a block of rays; its rows and later ones then have no answers.
   std::atomic<bool>* stopped = nullptr;
-  /// The meter of the thread that traces, which a kernel asks once per step of its walk and once
-  /// per block of triangles. TraceBlock sets it.
+  /// The poll of the tracing thread, which a kernel charges once per step of its walk and once per
+  /// block of triangles. TraceBlock sets it.
   CancelPoll* poll = nullptr;
 };
 
-/// Traces entries [first, last) of job.rows. Every kernel gives the same answers. Leaves rows
-/// without one when job.poll stops it.
+/// Traces entries [first, last) of job.rows. All kernels give the same answers. If job.poll stops,
+/// some rows have no answer.
 using KernelFunction = void (*)(const KernelJob& job, std::size_t first, std::size_t last);
 
-/// Safe from many threads at once. The level must be supported.
+/// Safe from many threads at once. The level must be supported by the processor.
 KernelFunction FindKernel(SimdLevel level, KernelKind kernel, Precision precision,
                           bool double_vertices, bool any);
 

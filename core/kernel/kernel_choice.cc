@@ -6,13 +6,13 @@ namespace kdray::core {
 
 namespace {
 
-// A second-level cache of today's servers; a tree that fits it needs no prefetching.
+// Size of a server's second-level cache; a tree that fits it needs no prefetching.
 constexpr std::uint64_t kSecondLevelCache = std::uint64_t{1} << 20;
-// From this many rays on, looking at a few hundred of them takes no time that counts.
+// Smallest batch for which sampling a few hundred rays is negligible.
 constexpr std::size_t kWorthSorting = std::size_t{1} << 12;
-// Batches with at most this many groups (of 32,768) are sorted first and go to the stream. By the
-// rough estimate, the benchmark's shadow rays are in 190 to 260 groups, scattered rays from what a
-// camera sees in 700 to 1,400, and random rays in 9,300 to 14,500.
+// Batches with at most this many groups (of 32,768) are sorted first and use the stream kernel. By
+// the rough estimate, the benchmark's shadow rays are in 190 to 260 groups, scattered rays from
+// what a camera sees in 700 to 1,400, and random rays in 9,300 to 14,500.
 constexpr double kMostGroups = 4096;
 
 }  // namespace
@@ -25,8 +25,8 @@ void ChooseKernel(const KernelOverrides& overrides, KernelJob* job) {
                        CountGroups(job->rays, job->mesh->bounds()) <= kMostGroups;
   job->sort = overrides.sort.value_or(grouped);
   job->alike = (!shuffled || (grouped && job->sort)) && !overrides.kernel;
-  // The frustum soon finds out which rays are no packet, and hands them on. It has these precisions
-  // only.
+  // The frustum kernel has only these precisions. It soon detects rays that do not form a packet,
+  // and passes them on.
   const KernelKind otherwise = job->alike ? KernelKind::kStream : KernelKind::kInterleaved;
   const bool frustum =
       job->precision == Precision::kFast || job->precision == Precision::kWatertight;

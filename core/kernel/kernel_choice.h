@@ -1,4 +1,4 @@
-// Which kernel takes which rays.
+// Chooses the kernel of a batch.
 #pragma once
 
 #include <cstddef>
@@ -10,18 +10,18 @@
 
 namespace kdray::core {
 
-/// What a caller decides instead of the rays and the processor (TraceOptions).
+/// A caller's choices in place of those by rays and processor (TraceOptions).
 struct KernelOverrides {
   std::optional<KernelKind> kernel = {};
   std::optional<SimdLevel> simd = {};
   std::optional<bool> sort = {};
 };
 
-/// Fills in what the job's tree, rays and precision and the processor decide.
+/// Fills in the choices by the job's tree, rays and precision, and by the processor.
 void ChooseKernel(const KernelOverrides& overrides, KernelJob* job);
 
-/// Traces rows [first, last) by the kernels that suit them, until job.cancel stops it: then sets
-/// *job.stopped, and does nothing once that is set.
+/// Traces rows [first, last) with the chosen kernel. When job.cancel stops it, sets *job.stopped;
+/// does nothing if that is set.
 void TraceBlock(const KernelJob& job, std::size_t first, std::size_t last);
 
 }  // namespace kdray::core

@@ -8,9 +8,9 @@
 namespace kdray::core {
 
 enum class KernelKind : std::uint8_t {
-  kInterleaved,  ///< 16 rays in flight, each on its own: for rays that have nothing in common
-  kStream,       ///< up to 64 rays of one octant that go through the tree together
-  kFrustum,      ///< packets of 64 that share their origin and stay close together
+  kInterleaved,  ///< 16 unrelated rays in flight, each advanced in turn
+  kStream,       ///< up to 64 similar rays of one octant, taken through the tree together
+  kFrustum,      ///< packets of 64 rays with a common origin or target
 };
 inline constexpr std::array kAllKernelKinds = {KernelKind::kInterleaved, KernelKind::kStream,
                                                KernelKind::kFrustum};

@@ -15,10 +15,10 @@ unsigned OctantOf(const Vec3d& d) {
          static_cast<unsigned>(d.z < 0) << 2;
 }
 
-// Within some 11 degrees. False for rays that cannot be.
+// Within some 11 degrees. False for invalid rays.
 bool AreClose(const Vec3d& a, const Vec3d& b) { return Dot(a, b) > 0.98 * Length(a) * Length(b); }
 
-// Cells of a grid over the bounds; what lies outside goes to the nearest one.
+// Cells of a grid over the bounds; points outside map to the nearest cell.
 class Grid {
  public:
   Grid(const Bounds3d& bounds, unsigned bits) : min_(bounds.min), last_((1u << bits) - 1) {
@@ -29,7 +29,7 @@ class Grid {
   }
   unsigned Cell(const Vec3d& p, int axis) const {
     const double at = (p[axis] - min_[axis]) * scale_[axis];
-    // Also false for NaN, which rays that cannot be bring along.
+    // Also false for NaN of invalid rays.
     if (!(at > 0)) return 0;
     return at < last_ ? static_cast<unsigned>(at) : last_;
   }
@@ -39,14 +39,14 @@ class Grid {
   unsigned last_;
 };
 
-// One of `count` places. Multiples of the golden ratio, not of a part of the batch: equal steps can
-// fall on the ends of all rows of pixels.
+// A sample position below `count`. Multiples of the golden ratio, because equal steps can fall on
+// the ends of all rows of pixels.
 std::size_t SampleOf(std::size_t number, std::size_t count) {
   const double at = static_cast<double>(number) * 0.6180339887498949;
   return static_cast<std::size_t>((at - std::floor(at)) * static_cast<double>(count));
 }
 
-unsigned Spread(unsigned v) {  // bits 0..4 to every third
+unsigned Spread(unsigned v) {  // spreads bits 0..4 to every third bit
   unsigned spread = 0;
   for (unsigned bit = 0; bit < 5; ++bit) spread |= (v >> bit & 1u) << (3 * bit);
   return spread;
@@ -63,8 +63,8 @@ bool IsShuffled(const RayBatch& rays, const Bounds3d& bounds) {
     const std::size_t i = SampleOf(s, rays.size() - 1);
     const Ray a = rays[i];
     const Ray b = rays[i + 1];
-    // Directions count from one origin only: from near origins even scattered rays have nodes and
-    // triangles in common.
+    // Directions are compared only for equal origins: from nearby origins even scattered rays share
+    // nodes and triangles.
     bool near = !(a.origin == b.origin) || AreClose(a.direction, b.direction);
     for (int axis = 0; axis < 3; ++axis) {
       const unsigned p = grid.Cell(a.origin, axis);
@@ -112,7 +112,7 @@ void OrderRays(const RayBatch& rays, const Bounds3d& bounds, bool by_direction, 
                         spread[grid.Cell(ray.origin, 2)] << 2;
     const unsigned octant = OctantOf(ray.direction);
     if (by_direction) {
-      // Two bits each of how steep the two smaller components are.
+      // Two bits for the steepness of each of the two smaller components.
       const double x = std::fabs(ray.direction.x), y = std::fabs(ray.direction.y),
                    z = std::fabs(ray.direction.z);
       const double sum = x + y + z;

@@ -1,5 +1,5 @@
-// The leaf test's verdict on one triangle, behind an interface: what every kernel can fall back on,
-// whatever the precision and the mesh's vertices.
+// The search of one ray with the scalar triangle intersection, as an interface for every precision
+// and vertex type: the fallback of all kernels.
 #pragma once
 
 #include <cstddef>
@@ -18,35 +18,36 @@
 
 namespace kdray::core {
 
-/// Holds one ray's search: its form for the leaf test and the closest hit so far. A place in an
-/// array of them is used for one ray after the other.
+/// Memory of one ray's search: the test's form of the ray and the closest hit so far. Reused for
+/// one ray after the other.
 struct alignas(64) ScalarSearchSpace {
   std::byte bytes[576];
 };
 
-/// Immutable, so safe from many threads at once, each with spaces of its own.
+/// Immutable, so safe from many threads at once, each with its own spaces.
 class ScalarSearch {
  public:
   virtual ~ScalarSearch() = default;
 
-  /// The form of a ray that Begin and Closest take: of `exact`, MakeExactLocalRay's.
+  /// The form of a ray for Begin and Closest: for `exact`, that of MakeExactLocalRay.
   virtual std::optional<LocalRay> MakeRay(const Ray& ray, const MeshFrame& frame) const = 0;
-  /// Starts on a ray.
+  /// Starts the search of a ray.
   virtual void Begin(const LocalRay& ray, ScalarSearchSpace* space) const = 0;
-  /// Tests a triangle and keeps it when it is the closest so far. Returns whether it did.
+  /// Tests a triangle and keeps it if it is the closest so far. Returns whether it was kept.
   virtual bool Offer(PrimitiveId id, ScalarSearchSpace* space) const = 0;
-  /// The local parameter beyond which nothing can be closer than what was kept; infinity at first.
+  /// The local parameter beyond which no triangle can be closer than the kept one; infinity at
+  /// first.
   virtual double Limit(const ScalarSearchSpace& space) const = 0;
   virtual Hit Finish(const ScalarSearchSpace& space) const = 0;
 
   /// The whole search, one triangle after the other: the reference, and for rays that no kernel
-  /// takes. Anything once the poll has stopped.
+  /// takes. Unspecified if the poll stops.
   virtual Hit Closest(const LocalRay& ray, const WideTree& tree, CancelPoll* poll) const = 0;
 
-  /// What one Offer() or Test() counts as (CancelPoll).
+  /// Work (CancelPoll) of one Offer() or Test().
   virtual std::uint64_t work() const = 0;
 
-  /// The leaf test alone, on a ray whose search is somewhere else. Not of `exact`.
+  /// Only the triangle intersection, for a ray whose search is elsewhere. Not for `exact`.
   virtual bool Test(const LocalRay& ray, PrimitiveId id, TriangleHit* hit) const = 0;
 };
 

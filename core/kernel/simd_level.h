@@ -1,4 +1,4 @@
-// Which vector instructions the kernels use. Answers do not depend on it.
+// The vector instructions of the kernels. Answers do not depend on them.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 namespace kdray::core {
 
 enum class SimdLevel : std::uint8_t {
-  kBaseline,  ///< what every processor of the architecture has
+  kBaseline,  ///< every processor of the architecture
   kAvx2,      ///< x86-64 with AVX2 and fused multiply-add
   kAvx512,    ///< x86-64 with AVX-512 F, VL, BW, DQ
 };
@@ -16,9 +16,9 @@ enum class SimdLevel : std::uint8_t {
 /// "baseline", "avx2", "avx512".
 std::string_view Name(SimdLevel level);
 
-/// What this processor can do, the slowest first.
+/// The levels that this processor supports, slowest first.
 std::span<const SimdLevel> SupportedSimdLevels();
-/// The last of them.
+/// The fastest supported level.
 SimdLevel BestSimdLevel();
 
 }  // namespace kdray::core

@@ -1,4 +1,4 @@
-// Work under way for one tree, shared by all who wait for it.
+// The load or build of one tree, shared by all who wait for it.
 #pragma once
 
 #include <condition_variable>
@@ -12,18 +12,18 @@
 
 namespace kdray::core {
 
-/// However many ask for a tree that is not in memory, one flight brings it. It belongs to none of
-/// them: who leaves leaves the others waiting, and when it fails or its tree is deleted, all of
-/// them are told. Guarded by the library's mutex, but for `watch`.
+/// One flight loads or builds a tree for all requests that wait for it. A request that leaves does
+/// not stop it. If it fails or its tree is deleted, all waiting requests get the error. Guarded by
+/// the library's mutex, except `watch`.
 struct TreeLibrary::Flight {
   Flight(const TreeId& tree_id, MemoryCharge charge) : id(tree_id), pledge(std::move(charge)) {}
 
   const TreeId id;
   SceneSource::Watch watch;
-  MemoryCharge pledge;  // given back when it lands
+  MemoryCharge pledge;  // returned when it lands
   bool done = false;
-  std::optional<Error> error;  // once done: why there is no tree
-  std::optional<Scene> scene;  // once done without an error
+  std::optional<Error> error;  // set at the end if there is no tree
+  std::optional<Scene> scene;  // set at the end without an error
   std::condition_variable landed;
 };
 

@@ -8,7 +8,7 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-// One who waits looks this often whether his caller has gone: a token notifies nobody.
+// Poll interval of waiters; CancelToken has no notification.
 constexpr std::chrono::milliseconds kLookAgain{50};
 
 }  // namespace
@@ -51,7 +51,7 @@ Result<std::optional<Measurements::Info>> Measurements::Wait(const Sha256Digest&
     }
     if (!task->done_) return std::optional(Info{std::nullopt, task->progress.fraction()});
   }
-  const auto ended = entries_.find(mesh);  // it may have been forgotten, or begun again
+  const auto ended = entries_.find(mesh);  // it may have been forgotten, or restarted
   if (ended == entries_.end()) return std::optional<Info>();
   if (ended->second.task) {
     return std::optional(Info{std::nullopt, ended->second.task->progress.fraction()});

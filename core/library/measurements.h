@@ -1,5 +1,5 @@
-// What was measured on meshes (core/tradeoff), and what is being measured: one at a time, shared by
-// all who wait for it.
+// Results of measurements of meshes (core/tradeoff), and the running one, which is shared by all
+// who wait for it.
 #pragma once
 
 #include <chrono>
@@ -17,10 +17,10 @@
 
 namespace kdray::core {
 
-/// Bookkeeping only: TreeLibrary does the work and keeps the files. Safe from many threads at once.
+/// Only bookkeeping: TreeLibrary does the work and has the files. Safe from many threads at once.
 class Measurements {
  public:
-  /// A measuring under way. It belongs to none of those who wait.
+  /// A running measurement, independent of those who wait for it.
   struct Task {
     Sha256Digest mesh;
     CancelToken cancel = CancelToken::Cancellable();
@@ -32,29 +32,29 @@ class Measurements {
   };
 
   struct Info {
-    std::optional<MeasuredTradeoff> measured;  ///< none: it is being measured
+    std::optional<MeasuredTradeoff> measured;  ///< nullopt: measuring
     double progress = 0;                       ///< 0..1
   };
 
-  /// A new task, for the caller to run; null when one is under way for the mesh. It takes the place
-  /// of what was measured before.
+  /// A new task, for the caller to run; null if one is running for the mesh. It replaces the
+  /// previous result.
   std::shared_ptr<Task> Begin(const Sha256Digest& mesh);
-  /// False once the task was forgotten: then nobody wants what it makes.
+  /// False after Forget(): the result is not needed any more.
   bool IsWanted(const Task& task);
-  /// Tells all who wait, unless the task was forgotten meanwhile.
+  /// Gives the result to all who wait, unless the task was forgotten.
   void End(const std::shared_ptr<Task>& task, Result<MeasuredTradeoff> measured) noexcept;
 
-  /// Nothing when nobody asked for it, or it was forgotten; the error of the latest measuring if it
-  /// failed. Waits until it ends, or `until` or `cancel` comes.
+  /// nullopt if there is no measurement, or it was forgotten; the error of the last measurement if
+  /// it failed. Waits until it ends, or until `until` or `cancel`.
   Result<std::optional<Info>> Wait(const Sha256Digest& mesh,
                                    std::chrono::steady_clock::time_point until,
                                    const CancelToken& cancel);
 
-  /// What was stored, unless something is known already.
+  /// Takes a stored result, unless there is one already.
   void Adopt(const Sha256Digest& mesh, MeasuredTradeoff measured);
-  /// Stops what is under way, and drops what is there; false when there is neither.
+  /// Stops a running measurement and drops the result; false if there is neither.
   bool Forget(const Sha256Digest& mesh) noexcept;
-  /// Stops all that is under way. Begin gives nothing new after it.
+  /// Stops the running measurement. After it, Begin returns null.
   void Stop();
 
  private:

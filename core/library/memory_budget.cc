@@ -7,8 +7,8 @@
 namespace kdray::core {
 namespace {
 
-// A waiter looks again this often: a token that is cancelled notifies nobody, and neither does a
-// query that ends and so makes a cached tree evictable.
+// Poll interval of waiters: CancelToken has no notification, nor has a query whose end makes a
+// cached tree evictable.
 constexpr std::chrono::milliseconds kLookAgain{20};
 
 }  // namespace
@@ -45,7 +45,7 @@ Result<MemoryCharge> MemoryBudget::Reserve(std::uint64_t bytes, const CancelToke
                                            std::atomic<bool>* waiting) {
   if (Status status = CheckCouldFit(bytes); !status.ok()) return std::move(status).error();
   if (TryTake(bytes, false)) return MemoryCharge(this, bytes);
-  // Made before anything is noted, so that a failed allocation leaves no trace.
+  // Made before anything changes, so a failed allocation has no effect.
   Error no_memory{ErrorCode::kMemoryFull, "other work held the memory that this needs, about " +
                                               std::to_string(bytes) + " of " +
                                               std::to_string(limit_) + " bytes"};
@@ -53,7 +53,7 @@ Result<MemoryCharge> MemoryBudget::Reserve(std::uint64_t bytes, const CancelToke
   const std::optional<WaitingLine::Place> place = line_.Enter(now_());
   if (!place) return no_memory;
   if (waiting != nullptr) *waiting = true;
-  // Whatever is thrown meanwhile, who is gone stays in no line.
+  // Leaves the line even if an exception is thrown.
   struct Leaver {
     MemoryBudget* budget;
     std::unique_lock<std::mutex>* lock;
@@ -74,7 +74,7 @@ Result<MemoryCharge> MemoryBudget::Reserve(std::uint64_t bytes, const CancelToke
   return MemoryCharge(this, bytes);
 }
 
-// For one who waits; false when he has to go on waiting.
+// For a waiter; false if it must continue to wait.
 bool MemoryBudget::TakeInTurn(std::uint64_t bytes, WaitingLine::Place place,
                               std::unique_lock<std::mutex>* lock) {
   while (line_.MayTake(place, now_())) {

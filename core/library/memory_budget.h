@@ -1,5 +1,5 @@
-// One limit for all memory that grows with meshes: whoever is about to hold some reserves it
-// first, so that too much work is refused or waits instead of meeting the system's last resort.
+// One limit for all memory that grows with meshes. Work reserves memory before it allocates, so too
+// much work waits or fails instead of meeting the kernel's OOM killer.
 #pragma once
 
 #include <atomic>
@@ -18,7 +18,7 @@ namespace kdray::core {
 
 class MemoryBudget;
 
-/// Bytes that are reserved; given back when destroyed. Moved along with what it pays for. One
+/// Reserved bytes, returned when destroyed. Moved together with the memory that it covers. For one
 /// thread at a time.
 class MemoryCharge {
  public:
@@ -33,12 +33,12 @@ class MemoryCharge {
   ~MemoryCharge();
 
   std::uint64_t bytes() const { return bytes_; }
-  /// At least `bytes` from now on; false when that does not fit at once. It passes those who wait:
-  /// what holds memory already gives it back the sooner the sooner it is done.
+  /// Raises the charge to at least `bytes`; false if that does not fit now. It passes those that
+  /// wait, because work that already holds memory returns it sooner if it ends sooner.
   [[nodiscard]] bool Grow(std::uint64_t bytes);
-  /// At most `bytes` from now on.
+  /// Lowers the charge to at most `bytes`.
   void Shrink(std::uint64_t bytes);
-  /// Takes min(bytes, bytes()) out of this charge.
+  /// Moves min(bytes, bytes()) from this charge to the result.
   MemoryCharge Split(std::uint64_t bytes);
 
  private:
@@ -49,11 +49,11 @@ class MemoryCharge {
   std::uint64_t bytes_ = 0;
 };
 
-/// Safe from many threads at once. Outlives its charges.
+/// Safe from many threads at once. Must outlive its charges.
 class MemoryBudget {
  public:
   using Clock = WaitingLine::Clock;
-  /// Asked to let go of some `bytes` that nobody uses; returns how many it let go. Called without
+  /// Evicts unused items until `bytes` are free; returns the number of freed bytes. Called without
   /// a lock, from any thread.
   using Reclaim = std::function<std::uint64_t(std::uint64_t bytes)>;
   /// The time, for the rule of waiting.
@@ -62,18 +62,18 @@ class MemoryBudget {
   explicit MemoryBudget(std::uint64_t limit_bytes, const WaitingLine::Rule& rule = {},
                         Now now = Clock::now)
       : limit_(limit_bytes), now_(std::move(now)), line_(rule) {}
-  /// Before the budget is used.
+  /// Call before the budget is used.
   void set_reclaim(Reclaim reclaim) { reclaim_ = std::move(reclaim); }
 
-  /// kMeshTooLarge when `bytes` are more than the limit.
+  /// kMeshTooLarge if `bytes` exceed the limit.
   Status CheckCouldFit(std::uint64_t bytes) const;
-  /// Waits until the bytes are free, by the rule of WaitingLine. Hold nothing meanwhile that others
-  /// wait for. `waiting`, if given, is true while it waits. Errors: kMeshTooLarge as above;
-  /// kMemoryFull when it waited as long as anybody may, or too many wait already; kCancelled,
+  /// Waits until the bytes are free, by the rule of WaitingLine. The caller must hold nothing that
+  /// others wait for. `waiting`, if given, is true during the wait. Errors: kMeshTooLarge as above;
+  /// kMemoryFull after the longest allowed wait, or if too many wait already; kCancelled,
   /// kDeadlineExceeded.
   Result<MemoryCharge> Reserve(std::uint64_t bytes, const CancelToken& cancel,
                                std::atomic<bool>* waiting = nullptr);
-  /// Nothing when they are not free at once, or one who waits has its turn.
+  /// nullopt if they are not free now, or a waiter has its turn.
   std::optional<MemoryCharge> TryReserve(std::uint64_t bytes);
 
   std::uint64_t limit() const { return limit_; }

@@ -9,7 +9,7 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-// `text` is freed once it is parsed, if it owns anything.
+// Frees `text` after parsing, if it owns memory.
 Result<PreparedMesh> Prepare(std::span<const std::byte> bytes, std::vector<std::byte> text,
                              const CancelToken& cancel, const OnMeshCounts& on_counts) {
   const auto start = SteadyClock::now();
@@ -20,7 +20,7 @@ Result<PreparedMesh> Prepare(std::span<const std::byte> bytes, std::vector<std::
   if (!data.ok()) return std::move(data).error();
   Result<TriangleMesh> mesh = TriangleMesh::Create(*data, cancel);
   if (!mesh.ok()) return std::move(mesh).error();
-  data->triangles = std::vector<TriangleIndices>();  // the mesh has its own
+  data->triangles = std::vector<TriangleIndices>();  // the mesh has its own copy
   const Result<MeshHealth> health = CheckHealth(*mesh, *data, cancel);
   if (!health.ok()) return health.error();
 
@@ -45,7 +45,7 @@ constexpr std::uint64_t BytesOfMesh(const MeshCounts& counts, std::uint64_t vert
          counts.triangles / 8;
 }
 
-// Of CheckHealth.
+// Scratch memory of CheckHealth.
 constexpr std::uint64_t HealthScratchBytes(const MeshCounts& counts) {
   return 10 * counts.vertices + std::max(counts.vertices / 8, 8 * counts.triangles);
 }
@@ -54,7 +54,7 @@ constexpr std::uint64_t HealthScratchBytes(const MeshCounts& counts) {
 
 Result<PreparedMesh> PrepareMesh(std::vector<std::byte> bytes, const CancelToken& cancel,
                                  const OnMeshCounts& on_counts) {
-  const std::span<const std::byte> all = bytes;  // stays where it is when the vector is moved
+  const std::span<const std::byte> all = bytes;  // stays valid when the vector is moved
   return Prepare(all, std::move(bytes), cancel, on_counts);
 }
 
@@ -62,14 +62,14 @@ Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelT
   return Prepare(bytes, {}, cancel, {});
 }
 
-// Three phases, of which each ends before the next begins: the file's bytes with what is read from
-// them; what was read with the mesh made from it; the mesh with the vertices that were read and the
-// scratch of its health.
+// Three phases, one after the other: the file's bytes and the MeshData read from them; MeshData and
+// the mesh made from it; the mesh, the vertices that were read, and the scratch of the health
+// report.
 std::uint64_t PreparePeakBytes(std::uint64_t file_bytes, const MeshCounts& counts) {
   constexpr std::uint64_t kFixed = 64 << 10;
   const std::uint64_t vertices = counts.vertices * sizeof(Vec3d);
   const std::uint64_t triangles = counts.triangles * sizeof(TriangleIndices);
-  // Arrays whose claim is large begin with twice the file's bytes (core/io/claimed_rows.h).
+  // Arrays with a large claimed size begin with twice the file's bytes (core/io/claimed_rows.h).
   const auto growth = [&](std::uint64_t bytes) {
     return bytes > 2 * file_bytes ? 2 * file_bytes : 0;
   };

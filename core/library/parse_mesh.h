@@ -1,5 +1,5 @@
-// From a mesh file to a mesh with its facts, and the memory that this takes, computed from the
-// file's counts before the memory is taken.
+// Parses a mesh file to a mesh with its facts, and computes the memory for that from the file's
+// counts before it is allocated.
 #pragma once
 
 #include <cstddef>
@@ -15,31 +15,30 @@
 
 namespace kdray::core {
 
-/// Parses, validates and judges a mesh file, in the caller's arena. Errors: those of ReadMesh and
-/// TriangleMesh::Create.
+/// Parses and validates a mesh file and makes its health report, in the caller's arena. Errors:
+/// those of ReadMesh and TriangleMesh::Create.
 Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelToken& cancel);
 
-/// Told what a file holds before memory is taken for it; its error ends the work.
+/// Called with a file's counts before memory is allocated for them; its error ends the work.
 using OnMeshCounts = std::function<Status(const MeshCounts&)>;
 
-/// As the other PrepareMesh, but the bytes are freed as soon as they are parsed. Errors besides:
-/// those of `on_counts`.
+/// As the other PrepareMesh, but frees the bytes after parsing. Additional errors: those of
+/// `on_counts`.
 Result<PreparedMesh> PrepareMesh(std::vector<std::byte> bytes, const CancelToken& cancel,
                                  const OnMeshCounts& on_counts);
 
-/// Memory that this PrepareMesh holds at its peak, the bytes included. An upper bound, which meshes
-/// with float vertices stay below by up to a third.
+/// Upper bound of this PrepareMesh's peak memory, the bytes included. Meshes with float vertices
+/// need up to a third less.
 std::uint64_t PreparePeakBytes(std::uint64_t file_bytes, const MeshCounts& counts);
 
-/// What usual files come to while they are prepared, `file_bytes` of input included, for those
-/// whose counts are not known yet; others need up to 25 times as much as their bytes. With counts:
-/// PreparePeakBytes.
+/// Memory to prepare a usual file whose counts are not known yet, `file_bytes` of input included;
+/// others need up to 25 times their bytes. With counts: PreparePeakBytes.
 constexpr std::uint64_t EstimatePrepareBytes(std::uint64_t file_bytes) { return 5 * file_bytes; }
 
-/// What no mesh of so many bytes can do without: its bytes are held while they are parsed.
+/// Lower bound for any mesh of this size: its bytes are held during parsing.
 constexpr std::uint64_t LeastPrepareBytes(std::uint64_t file_bytes) { return file_bytes + 4096; }
 
-/// Memory of a mesh, at least, of which only the counts are known.
+/// Lower bound of a mesh's memory, by its counts.
 std::uint64_t LeastMeshBytes(const MeshCounts& counts);
 
 }  // namespace kdray::core

@@ -11,8 +11,8 @@
 
 namespace kdray::core {
 
-// One try with the memory that could be had. A try that needs more says how much and holds nothing
-// when it returns, so that the wait for it cannot be part of a circle.
+// One attempt with the available memory. An attempt that needs more says how much and holds nothing
+// when it returns, so waiting for memory cannot deadlock.
 class SceneSource::Attempt {
  public:
   Attempt(SceneSource* source, const TreeRecord& record, Watch* watch, MemoryCharge charge)
@@ -27,12 +27,12 @@ class SceneSource::Attempt {
     return std::move(fetched_);
   }
 
-  /// What the whole work would have needed when Run failed with kMemoryFull; else 0.
+  /// The memory for the whole work, if Run failed with kMemoryFull; else 0.
   std::uint64_t needed() const { return needed_; }
 
  private:
-  // Makes sure of `bytes` besides what was charged to the mesh already, and gives back what a step
-  // before needed more. What the attempt began with was waited for, so it is kept.
+  // Ensures `bytes` in addition to the mesh's charge, and returns the excess of the previous step.
+  // The attempt's initial charge is kept, because it was waited for.
   Status Need(std::uint64_t bytes) {
     charge_.Shrink(std::max(bytes, granted_));
     if (charge_.Grow(bytes)) return {};
@@ -63,7 +63,7 @@ class SceneSource::Attempt {
   }
 
   Result<PreparedMesh> ReadPrepared() {
-    // A file that should be there is read even when it is not, so that its loss is noticed.
+    // An expected file is read even if it is missing, so its loss is detected.
     const std::uint64_t expected = record_.mesh ? record_.mesh->memory_bytes : 0;
     const std::uint64_t bytes =
         std::max(expected, source_->store_->PreparedFileBytes(record_.id.mesh));
@@ -86,7 +86,7 @@ class SceneSource::Attempt {
     return *std::move(prepared);
   }
 
-  // The counts of the file are known, and no memory was taken for them.
+  // The counts of the file are known; no memory is allocated for them yet.
   Status NeedForParsing(const MeshCounts& counts) {
     const std::uint64_t bytes = PreparePeakBytes(record_.mesh_bytes, counts);
     if (Status status = source_->budget_->CheckCouldFit(bytes); !status.ok()) return status;
@@ -121,7 +121,7 @@ class SceneSource::Attempt {
 
   Result<Tree> ReadTree(BuildKind build) {
     const std::uint64_t bytes = source_->store_->TreeFileBytes(record_.id.mesh, build);
-    // Nothing there: reading it all the same tells a lost file from a damaged one.
+    // The file is missing: reading it distinguishes a lost file from a damaged one.
     if (Status status = Need(bytes); !status.ok()) return std::move(status).error();
     return source_->store_->ReadTree(
         {record_.id.mesh, fetched_.scene.mesh->triangle_count(), build});

@@ -1,4 +1,4 @@
-// Where scenes come from: memory, else the stored files, else the mesh's own bytes.
+// Gets scenes from memory, else from stored files, else from the mesh's bytes.
 #pragma once
 
 #include <atomic>
@@ -21,14 +21,14 @@
 
 namespace kdray::core {
 
-/// Safe from many threads at once, but for two calls about one mesh (WorkQueue keeps them apart).
+/// Safe from many threads at once, except for two calls about one mesh, which WorkQueue serialises.
 class SceneSource {
  public:
-  /// All outlive this. Builds run in `arena`.
+  /// All must outlive this. Builds run in `arena`.
   SceneSource(SceneStore* store, TreeCache* cache, MemoryBudget* budget, Arena* arena)
       : store_(store), cache_(cache), budget_(budget), arena_(arena) {}
 
-  /// What the one who waits sees of the work. Written by the worker, read by anyone.
+  /// The progress of the work. Written by the worker, read by any thread.
   struct Watch {
     CancelToken cancel = CancelToken::Cancellable();
     Progress build_progress;
@@ -43,24 +43,23 @@ class SceneSource {
     Scene scene;
     TreeCache::MeshPointer prepared;
     TreeFacts tree;
-    bool was_parsed = false;  ///< not read from a stored file: worth storing
+    bool was_parsed = false;  ///< not read from a stored file, so worth storing
     bool was_built = false;
   };
 
   struct Hooks {
-    /// Told the facts as soon as the mesh is there.
+    /// Called with the facts when the mesh is ready.
     std::function<void(const MeshFacts&)> on_mesh;
-    /// Asked before the work waits for memory: another may have its thread's place meanwhile.
+    /// Called before the work waits for memory, to let another job use its place.
     std::function<std::optional<WorkQueue::Aside>()> step_aside;
   };
-  /// The scene of `record`, in memory. Waits for memory when others hold it, by the rule of
-  /// MemoryBudget, and holds none meanwhile. Errors: those of PrepareMesh and BuildTree;
-  /// kMeshTooLarge when the memory limit could never hold it; kCorrupt, kNotFound, kIo when the
-  /// mesh file itself cannot be read; kMemoryFull when it waited in vain, or as many wait already
-  /// as may, or the system refuses memory.
+  /// The scene of `record`, in memory. Waits for memory by the rule of MemoryBudget, holding none
+  /// meanwhile. Errors: those of PrepareMesh and BuildTree; kMeshTooLarge if the memory limit is
+  /// too small for it; kCorrupt, kNotFound, kIo if the mesh file cannot be read; kMemoryFull after
+  /// the longest wait, if too many wait already, or if the system has no memory.
   Result<Fetched> Fetch(const TreeRecord& record, Watch* watch, const Hooks& hooks);
 
-  /// Puts what Fetch made on disk, as far as there is room.
+  /// Stores the results of Fetch, if there is room.
   void Store(const TreeId& id, const Fetched& fetched);
 
   std::uint64_t parses() const { return parses_; }

@@ -3,7 +3,7 @@
 namespace kdray::core {
 namespace {
 
-// What an item's pointer keeps alive: the value and the memory it was charged.
+// The value of an item and its memory charge, which the item's pointer keeps alive.
 template <class T>
 struct Charged {
   T value;
@@ -33,7 +33,7 @@ std::shared_ptr<const T> TreeCache::Insert(const Key& key, T value, MemoryCharge
   const std::uint64_t bytes = charge.bytes();
   const auto owner = std::make_shared<Charged<T>>(Charged<T>{std::move(value), std::move(charge)});
   const std::shared_ptr<const T> pointer(owner, &owner->value);
-  Items old;  // destroyed after the lock: giving back a charge wakes others
+  Items old;  // destroyed after the lock: returning a charge wakes others
   Items fresh;
   fresh.push_front(Item{key, pointer, bytes});
   const std::lock_guard lock(mutex_);
@@ -77,7 +77,7 @@ void TreeCache::EraseTree(const Sha256Digest& mesh, BuildKind build) {
 void TreeCache::EraseMesh(const Sha256Digest& mesh) {
   Items old;
   const std::lock_guard lock(mutex_);
-  // The mesh has the first key of all with this digest: no build sorts before every build.
+  // The mesh has the first key with this hash: no build sorts before every build.
   auto next = index_.lower_bound({mesh, std::nullopt});
   while (next != index_.end() && next->first.first == mesh) {
     old.splice(old.begin(), items_, next->second);
@@ -103,7 +103,8 @@ std::uint64_t TreeCache::EvictLocked(std::uint64_t bytes, Items* old) {
   std::uint64_t freed = 0;
   for (auto next = items_.end(); next != items_.begin() && freed < bytes;) {
     --next;
-    // Only this cache hands out copies, under this lock, so an idle item stays idle until it goes.
+    // Only this cache returns copies, under this lock, so an idle item stays idle until it is
+    // erased.
     if (!next->IsIdle()) continue;
     const auto victim = next++;
     freed += victim->bytes;

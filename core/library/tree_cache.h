@@ -1,4 +1,4 @@
-// Meshes and trees in memory, least recently used ones let go first.
+// Meshes and trees in memory; the least recently used are evicted first.
 #pragma once
 
 #include <cstdint>
@@ -18,32 +18,31 @@
 
 namespace kdray::core {
 
-/// Each item carries the memory that it was charged; the charge is given back when the last user
-/// lets go, so the budget is never wrong about a tree that was evicted or deleted while a query
-/// ran on it. Bounded by whoever asks it for room (MemoryBudget::set_reclaim). A mesh counts
-/// as used whenever one of its trees is, so a tree goes before the mesh it needs. Safe from many
-/// threads at once; never waits for anything but its own short lock.
+/// Each item has its memory charge, which is returned when its last user releases it. So the budget
+/// is right about a tree that was evicted or deleted during a query. MemoryBudget calls it for
+/// eviction (set_reclaim). Using a tree also uses its mesh, so a tree is evicted before its mesh.
+/// Safe from many threads at once; waits only for its own short lock.
 class TreeCache {
  public:
   using MeshPointer = std::shared_ptr<const PreparedMesh>;
   using TreePointer = std::shared_ptr<const Tree>;
 
-  /// Null when it is not there. Counts as a use.
+  /// Null if it is not cached. Counts as a use.
   MeshPointer FindMesh(const Sha256Digest& mesh);
   TreePointer FindTree(const Sha256Digest& mesh, BuildKind build);
 
-  /// Replaces what had that key.
+  /// Replaces the item with that key.
   MeshPointer InsertMesh(const Sha256Digest& mesh, PreparedMesh value, MemoryCharge charge);
   TreePointer InsertTree(const Sha256Digest& mesh, Tree value, MemoryCharge charge);
 
   void EraseTree(const Sha256Digest& mesh, BuildKind build);
-  /// The mesh and its trees.
+  /// Erases the mesh and its trees.
   void EraseMesh(const Sha256Digest& mesh);
 
-  /// Lets go of items that nobody uses, least recently used first, until `bytes` are free or none
-  /// is left; returns how many bytes were freed.
+  /// Evicts unused items, least recently used first, until `bytes` are free or no unused item is
+  /// left; returns the number of freed bytes.
   std::uint64_t EvictIdle(std::uint64_t bytes);
-  /// The same when that will free `bytes`; otherwise nothing goes.
+  /// The same if that frees `bytes`; otherwise evicts nothing.
   std::uint64_t EvictIdleIfEnough(std::uint64_t bytes);
 
   std::uint64_t evictions() const;

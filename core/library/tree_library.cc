@@ -12,7 +12,7 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-// One who waits looks this often whether his caller has gone: a token notifies nobody.
+// Poll interval of waiters; CancelToken has no notification.
 constexpr std::chrono::milliseconds kLookAgain{50};
 
 std::int64_t NowMs() {
@@ -84,8 +84,7 @@ Error TreeLibrary::TooLargeForStore(std::uint64_t bytes) const {
                                              std::to_string(*store_->limit())};
 }
 
-// Meshes that serve nobody give way first, then derived files, then whole meshes that nothing is
-// under way for.
+// Evicts meshes without a record first, then derived files, then whole meshes without running work.
 Result<DiskRoom> TreeLibrary::MakeRoom(std::uint64_t bytes) {
   if (store_->limit() && bytes > *store_->limit()) return TooLargeForStore(bytes);
   for (;;) {
@@ -114,7 +113,7 @@ Result<TreeLibrary::Added> TreeLibrary::Finish(Upload upload, std::optional<Buil
   const std::uint64_t bytes = upload.file_.bytes();
   if (bytes == 0) return Error{ErrorCode::kEmptyMesh, "the mesh has no bytes"};
   const TreeId id{upload.file_.Digest(), build};
-  // Before anything is given up for it. It may be refused later all the same.
+  // Before anything is evicted for it. It may still fail later.
   if (Result<MemoryCharge> pledge = Pledge(id, bytes); !pledge.ok()) {
     return std::move(pledge).error();
   }
@@ -162,7 +161,7 @@ bool TreeLibrary::IsStored(const Sha256Digest& mesh, std::uint64_t bytes) {
   return store_->HasMesh(mesh, bytes);
 }
 
-// Nothing is pledged for a tree that is there or under way.
+// No pledge for a tree that is ready or has running work.
 Result<MemoryCharge> TreeLibrary::Pledge(const TreeId& id, std::uint64_t mesh_bytes) {
   {
     const std::lock_guard lock(mutex_);
@@ -176,7 +175,7 @@ Result<MemoryCharge> TreeLibrary::Pledge(const TreeId& id, std::uint64_t mesh_by
   return *std::move(pledge);
 }
 
-// Pledged for a mesh. A larger one than usual is still let in alone.
+// The pledge for a mesh. A mesh that needs more is still accepted alone.
 std::uint64_t TreeLibrary::UsualPrepareBytes(std::uint64_t mesh_bytes) const {
   return std::min(EstimatePrepareBytes(mesh_bytes), pledges_.limit());
 }
@@ -212,7 +211,7 @@ Result<TreeLibrary::Added> TreeLibrary::Add(const TreeId& id, std::uint64_t mesh
     }
   }
   if (existed) return AddAgain(id, std::move(pledge));
-  // All that takes memory before the record is written; what comes after it cannot fail.
+  // Allocates everything before the record is written; later steps cannot fail.
   std::set<Position, std::greater<>> place;
   place.insert({record.created_ms, id});
   Entries added;
@@ -231,13 +230,13 @@ Result<TreeLibrary::Added> TreeLibrary::Add(const TreeId& id, std::uint64_t mesh
   failures_.erase(id);
   by_age_.insert(place.extract(place.begin()));
   Entry& entry = entries_.insert(added.extract(added.begin())).position->second;
-  // Should this fail, the tree is there, and whoever asks for it next starts its build.
+  // If this fails, the tree still exists, and the next request for it starts its build.
   StartFlight(&entry, std::move(pledge));
   return Added{id, false};
 }
 
-// After a record that could not be written. What the disk, or a want of memory, keeps of it is
-// promised to nobody, and found by the next start.
+// After a record could not be written. Files that remain because of the disk, or for lack of
+// memory, were not acknowledged; the next start finds them.
 void TreeLibrary::GiveUpAdding(const TreeId& id) noexcept {
   try {
     (void)store_->RemoveRecord(id);
@@ -253,7 +252,7 @@ void TreeLibrary::ForgetIfUnused(const Sha256Digest& mesh) noexcept {
   }
 }
 
-// The same for an id that is there. It stays while the caller holds the mesh's mutex.
+// The same for an existing id, which cannot be deleted while the caller holds the mesh's mutex.
 Result<TreeLibrary::Added> TreeLibrary::AddAgain(const TreeId& id, MemoryCharge pledge) {
   TreeRecord record;
   bool is_in_doubt = false;
@@ -263,15 +262,15 @@ Result<TreeLibrary::Added> TreeLibrary::AddAgain(const TreeId& id, MemoryCharge 
     record = entry.record;
     is_in_doubt = entry.is_in_doubt;
   }
-  // The answer promises a record on disk. This one may have gone with a deletion that failed, or
-  // behind our back.
+  // The answer guarantees a record on disk. A failed deletion, or another process, may have removed
+  // it.
   if (is_in_doubt || !store_->HasRecord(id)) {
     if (Status status = store_->SaveRecord(record); !status.ok()) return std::move(status).error();
   }
   const std::lock_guard lock(mutex_);
   Entry& entry = entries_.at(id);
   entry.is_in_doubt = false;
-  entry.failure.reset();  // asking again tries again
+  entry.failure.reset();  // a new request tries again
   if (!entry.record.tree && !entry.flight) StartFlight(&entry, std::move(pledge));
   return Added{id, true};
 }
@@ -298,7 +297,8 @@ Result<TreeInfo> TreeLibrary::Find(const TreeId& id) {
 
 Result<TreeInfo> TreeLibrary::Wait(const TreeId& id, SteadyClock::time_point until,
                                    const CancelToken& cancel) {
-  std::shared_ptr<Flight> flight;  // its scene may be the last of a large tree: let go unlocked
+  std::shared_ptr<Flight>
+      flight;  // its scene may be the last of a large tree; destroyed without the lock
   std::unique_lock lock(mutex_);
   for (;;) {
     Result<Entry*> entry = FindLocked(id);
@@ -371,16 +371,15 @@ Status TreeLibrary::Delete(const TreeId& id) {
     if (failures_.erase(id) != 0) return {};
     if (!entries_.contains(id)) return NoSuchTree();
   }
-  // The record first: what remains after a crash is then a mesh that nobody finds again. Nothing
-  // after it can fail.
+  // The record first: after a crash only a mesh without a record remains. Later steps cannot fail.
   Error gone = NoSuchTree();
   if (Status status = RemoveRecord(id); !status.ok()) return status;
   ForgetAndRemoveFiles(id, std::move(gone));
   return {};
 }
 
-// Of an id that is there, whose mesh's mutex the caller holds. After an error the record may be
-// gone already, but not for good: it is written again, now or when the id is added again.
+// Removes the record of an existing id; the caller holds its mesh's mutex. After an error the
+// record may be missing, but not durably: it is written again, now or when the id is added again.
 Status TreeLibrary::RemoveRecord(const TreeId& id) {
   TreeRecord record;
   {
@@ -397,7 +396,7 @@ Status TreeLibrary::RemoveRecord(const TreeId& id) {
   return removed;
 }
 
-// Gives up a mesh with all its trees, unless work on it has begun meanwhile.
+// Drops a mesh with all its trees, unless work on it has begun meanwhile.
 Status TreeLibrary::DropMesh(const Sha256Digest& mesh) {
   const std::lock_guard files_lock(MeshMutex(mesh));
   std::vector<TreeId> ids;
@@ -414,7 +413,7 @@ Status TreeLibrary::DropMesh(const Sha256Digest& mesh) {
     if (Status status = RemoveRecord(id); !status.ok()) return status;
     ForgetAndRemoveFiles(id, std::move(gone));
   }
-  // Again, for its status: a mesh that cannot be removed must not be tried for ever.
+  // Called again for its status: a mesh that cannot be removed must not be retried for ever.
   return RemoveUnusedMesh(mesh);
 }
 
@@ -423,7 +422,7 @@ Status TreeLibrary::DropUnrecordedMesh(const Sha256Digest& mesh) {
   return RemoveUnusedMesh(mesh);
 }
 
-// The caller holds the mesh's mutex and has removed the record: the id goes, whatever fails.
+// The caller holds the mesh's mutex and has removed the record. The id is removed in any case.
 void TreeLibrary::ForgetAndRemoveFiles(const TreeId& id, Error error) noexcept {
   std::optional<BuildKind> orphan;
   bool mesh_too = false;
@@ -449,20 +448,20 @@ void TreeLibrary::ForgetAndRemoveFiles(const TreeId& id, Error error) noexcept {
     cache_.EraseTree(id.mesh, *orphan);
   }
   try {
-    // Should the disk refuse, the mesh's file is one that no record names.
+    // If the disk fails, the mesh file remains without a record.
     if (mesh_too) {
       (void)RemoveUnusedMesh(id.mesh);
     } else if (orphan) {
       store_->RemoveTree(id.mesh, *orphan);
     }
   } catch (...) {
-    // No memory for the names of the files: they stay as they would if the disk refused.
+    // No memory for the names of the files: they stay, as after a failure of the disk.
   }
 }
 
-// A mesh without trees: its last one was deleted, or an upload did not come to a record. The caller
-// holds the mesh's mutex. Records that a failed write may have left go before the file, so that no
-// start finds one without its mesh.
+// A mesh without trees: its last one was deleted, or an upload failed before its record. The caller
+// holds the mesh's mutex. Records that a failed write may have left are removed before the file, so
+// no start finds a record without its mesh.
 Status TreeLibrary::RemoveUnusedMesh(const Sha256Digest& mesh) {
   {
     const std::lock_guard lock(mutex_);

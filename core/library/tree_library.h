@@ -1,5 +1,5 @@
-// The trees of one data directory by their ids: uploads, builds, memory, disk, deletion. What
-// core has to offer a server; it knows no protocol.
+// The trees of one data directory by their ids: uploads, builds, memory, disk, deletion. Core's
+// interface for a server, independent of the protocol.
 #pragma once
 
 #include <array>
@@ -40,14 +40,14 @@ struct LibraryOptions {
   int build_threads = 1;              ///< of the arena that meshes are parsed and trees built in
   std::uint64_t memory_limit_bytes = std::uint64_t{4} << 30;
   std::optional<std::uint64_t> store_limit_bytes;
-  /// How long a failed build answers for its id: one that would fail again, and one that need not.
+  /// How long a failed build's error is kept: a permanent one, and one that may succeed later.
   std::chrono::milliseconds keep_failure{std::chrono::minutes(10)};
   std::chrono::milliseconds retry_after{std::chrono::seconds(10)};
 };
 
-/// A tree as one asks for it.
+/// A tree's description.
 struct TreeInfo {
-  TreeRecord record;  ///< `tree` is there exactly when it is ready
+  TreeRecord record;  ///< `tree` is set exactly if it is ready
   double progress = 0;
   bool ready() const { return record.tree.has_value(); }
 };
@@ -56,22 +56,22 @@ struct LibraryCounters {
   std::uint64_t parses = 0, builds = 0, loads = 0, rebuilds = 0;
   std::uint64_t damaged_files = 0, evictions = 0;
   std::uint64_t memory_bytes = 0, store_bytes = 0, trees = 0;
-  std::uint64_t unrecorded_meshes = 0;  ///< stored meshes that no tree names (SceneStore)
-  std::uint64_t unreadable_meshes = 0;  ///< meshes of trees that were found damaged or missing
+  std::uint64_t unrecorded_meshes = 0;  ///< stored meshes without a tree (SceneStore)
+  std::uint64_t unreadable_meshes = 0;  ///< meshes of trees, damaged or missing
 };
 
-/// Every method is safe from many threads at once. Ids come and go: kNotFound is an answer of all
-/// that take one. A failed build answers with its error (those of SceneSource::Fetch) instead.
+/// Every method is safe from many threads at once. All methods that take an id may return
+/// kNotFound, or the error of its failed build (those of SceneSource::Fetch).
 class TreeLibrary {
  public:
-  /// Reads in what is there and resumes builds that were cut off. A tree whose mesh cannot be read
-  /// stays: its mesh answers kCorrupt until the same bytes are uploaded again. Errors:
-  /// SceneStore::Open and Load.
+  /// Reads the stored records and resumes interrupted builds. A tree whose mesh cannot be read
+  /// stays; its mesh is kCorrupt until the same bytes are uploaded again. Errors: SceneStore::Open
+  /// and Load.
   static Result<std::unique_ptr<TreeLibrary>> Open(const LibraryOptions& options);
   ~TreeLibrary();
 
-  /// A mesh on its way in. Destroyed, it leaves nothing. One thread at a time, and none after the
-  /// library.
+  /// An unfinished upload; the destructor removes it. For one thread at a time. The library must
+  /// outlive it.
   class Upload {
    public:
     Status Append(std::span<const std::byte> bytes) { return file_.Append(bytes); }
@@ -81,68 +81,66 @@ class TreeLibrary {
     explicit Upload(NewMesh file) : file_(std::move(file)) {}
     NewMesh file_;
   };
-  /// `bytes` are what the client declares. They take nothing from anybody: no memory, and no file
-  /// goes for them. kMeshTooLarge when so large a mesh could never be held or stored; kMemoryFull
-  /// when the builds under way leave no memory for it now; kStoreFull when the disk has no room.
+  /// `bytes` is the declared size. It reserves no memory, and no file is evicted for it.
+  /// kMeshTooLarge if such a mesh exceeds a limit; kMemoryFull if running builds leave no memory
+  /// for it now; kStoreFull if the disk has no room.
   Result<Upload> BeginUpload(std::uint64_t bytes);
 
   struct Added {
     TreeId id;
     bool existed = false;
   };
-  /// Mesh and record are durable and the build is under way or done when this returns. Under a
-  /// store limit other meshes may have gone for it, least recently used first. kEmptyMesh without a
-  /// byte; kMemoryFull when the builds under way leave no memory for it; kStoreFull; kIo.
+  /// When this returns, mesh and record are durable, and the build is running or done. Under a
+  /// store limit other meshes may be evicted for it, least recently used first. kEmptyMesh without
+  /// a byte; kMemoryFull if running builds leave no memory for it; kStoreFull; kIo.
   Result<Added> Finish(Upload upload, std::optional<BuildKind> build);
-  /// Another build of a mesh that is there; kNotFound when it is not.
+  /// Another build of a stored mesh; kNotFound without the mesh.
   Result<Added> AddBuild(const Sha256Digest& mesh, std::optional<BuildKind> build);
 
   Result<TreeInfo> Find(const TreeId& id);
-  /// As Find, once the tree is ready, has failed or is gone, or when `until` or `cancel` comes.
+  /// As Find, after the tree is ready, has failed or was deleted, or at `until` or `cancel`.
   Result<TreeInfo> Wait(const TreeId& id, std::chrono::steady_clock::time_point until,
                         const CancelToken& cancel);
 
-  /// The tree in memory. Waits for its build, or until it is read in again, as long as `cancel`
-  /// lets it: then kDeadlineExceeded or kCancelled, or kMemoryFull when it was memory that was
-  /// waited for. kCancelled also once Shutdown was called.
+  /// The tree in memory. Waits for its build or load until `cancel` stops: then kDeadlineExceeded
+  /// or kCancelled, or kMemoryFull if it was waiting for memory. kCancelled after Shutdown.
   Result<Scene> Load(const TreeId& id, const CancelToken& cancel);
 
-  /// A place in the list: newest first, at equal time by id.
+  /// A position in the list: newest first, at equal time by id.
   struct Position {
     std::int64_t created_ms = 0;
     TreeId id;
     friend auto operator<=>(const Position&, const Position&) = default;
   };
-  /// At most `limit` of those behind `after`, of one mesh or of all.
+  /// At most `limit` trees after `after`, of one mesh or of all.
   std::vector<TreeInfo> List(const std::optional<Sha256Digest>& mesh,
                              const std::optional<Position>& after, std::size_t limit);
 
-  /// The id is gone for good when this returns; a running build stops soon. The mesh goes with its
-  /// last id. kStoreFull or kIo when the disk refuses: then it is still there, but unless the disk
-  /// takes its record again, or the same is uploaded again, it may be gone after a restart.
+  /// The tree is durably deleted when this returns; a running build stops soon. The mesh is deleted
+  /// with its last tree. kStoreFull or kIo if the disk fails: then the tree still exists, but after
+  /// a restart it may be gone, unless its record can be written or it is uploaded again.
   Status Delete(const TreeId& id);
 
-  /// The mesh's bytes, checked. kCorrupt when they are damaged: uploading them again repairs them.
+  /// The mesh's bytes, checked. kCorrupt if they are damaged; uploading them again repairs them.
   Result<std::unique_ptr<ReadableFile>> OpenMesh(const TreeId& id);
 
   /// Measures speed and accuracy on the mesh of `id` (core/tradeoff) in the background, one mesh at
-  /// a time; its other ids share what comes out. Joins a measuring that is under way, else begins
-  /// anew. Of `options`, the number of threads is the library's, and builds and loads under way
-  /// count as disturbance besides what is_disturbed says.
+  /// a time; the mesh's other ids share the result. Joins a running measurement, or starts a new
+  /// one. Ignores the number of threads in `options`; running builds and loads count as
+  /// disturbances, in addition to is_disturbed.
   Status Measure(const TreeId& id, TradeoffOptions options);
-  /// What was measured, or how far it is; nothing when nobody asked for it. Waits until it has
-  /// ended, or `until` or `cancel` comes. Errors besides: those of Load and MeasureTradeoff, when
-  /// it fails while one waits; kMemoryFull when there was no memory for it.
+  /// The result or the progress; nullopt without a measurement. Waits until it has ended, or until
+  /// `until` or `cancel`. Additional errors: those of Load and MeasureTradeoff if it fails during
+  /// the wait; kMemoryFull if there was no memory for it.
   Result<std::optional<Measurements::Info>> WaitForMeasured(
       const TreeId& id, std::chrono::steady_clock::time_point until, const CancelToken& cancel);
-  /// Stops the measuring, and forgets what was measured, for good. False when there was neither;
-  /// kStoreFull or kIo when the disk refuses.
+  /// Stops the measurement and durably deletes the result. False if there was neither; kStoreFull
+  /// or kIo if the disk fails.
   Result<bool> ForgetMeasured(const TreeId& id);
 
   LibraryCounters counters() const;
 
-  /// Stops builds; those that were cut off resume at the next Open. Nothing is built or read in
-  /// after it.
+  /// Stops builds; they resume at the next Open. Nothing is built or loaded after it.
   void Shutdown();
 
  private:
@@ -153,17 +151,17 @@ class TreeLibrary {
   };
   struct Entry {
     TreeRecord record;
-    bool is_new = false;             // made since Open: a mesh that cannot be built may be dropped
-    bool is_in_doubt = false;        // the disk refused: the record may not be there, or not stay
-    std::shared_ptr<Flight> flight;  // the work under way, if any
-    std::optional<Failure> failure;  // of work that may go better next time
+    bool is_new = false;             // created since Open: an invalid mesh may be dropped
+    bool is_in_doubt = false;        // the disk failed: the record may be missing, or not durable
+    std::shared_ptr<Flight> flight;  // the running load or build, if any
+    std::optional<Failure> failure;  // of work that may succeed next time
   };
   using Entries = std::map<TreeId, Entry>;
 
-  // Short jobs that somebody waits for, and builds; the latter each use the whole arena.
+  // Short jobs that requests wait for, and builds; each build uses the whole arena.
   static constexpr int kLoadThreads = 2;
   static constexpr int kBuildThreads = 2;
-  // And those that wait for memory meanwhile.
+  // Threads of jobs that wait for memory.
   static constexpr int kAsideThreads = 32;
 
   TreeLibrary(const LibraryOptions& options, std::unique_ptr<SceneStore> store);
@@ -192,7 +190,7 @@ class TreeLibrary {
   bool HasMesh(const Sha256Digest& mesh);
   bool IsWanted(const Sha256Digest& mesh, BuildKind build);  // by any id
   std::optional<Scene> FindInMemory(const Entry& entry);
-  std::optional<Error> EnsureFlight(Entry* entry);  // why there cannot be one
+  std::optional<Error> EnsureFlight(Entry* entry);  // the error if there cannot be one
   void StartFlight(Entry* entry, MemoryCharge pledge);
   static void Land(Entry* entry, std::optional<Error> error) noexcept;
   Entry* EntryOf(const Flight& flight);
@@ -216,19 +214,19 @@ class TreeLibrary {
   const LibraryOptions options_;
   std::unique_ptr<SceneStore> store_;
   MemoryBudget budget_;
-  MemoryBudget pledges_;  // memory that builds under way will want
+  MemoryBudget pledges_;  // memory that running builds will need
   TreeCache cache_;
   Arena arena_;
   SceneSource source_;
   Measurements measurements_;
 
-  // Whoever writes or removes a mesh's files holds its mutex; always taken before mutex_.
+  // Held while a mesh's files are written or removed; always locked before mutex_.
   std::array<std::mutex, 64> mesh_mutexes_;
 
   mutable std::mutex mutex_;  // guards what follows; never held during disk work
   Entries entries_;
   std::set<Position, std::greater<>> by_age_;
-  std::map<TreeId, Failure> failures_;  // of ids that are gone
+  std::map<TreeId, Failure> failures_;  // of deleted ids
   std::set<Sha256Digest> damaged_meshes_;
   bool shut_down_ = false;
   std::uint64_t rebuilds_ = 0;

@@ -8,8 +8,8 @@
 namespace kdray::core {
 namespace {
 
-// Jobs of one key take turns: under this key of no mesh one measuring runs at a time, beside the
-// work on any mesh, the measured one included.
+// Jobs of one key run one after the other. With this key, which belongs to no mesh, one measurement
+// runs at a time, in parallel with work on any mesh.
 constexpr Sha256Digest kMeasuringKey{};
 
 std::int64_t NowMs() {
@@ -33,7 +33,7 @@ Status TreeLibrary::Measure(const TreeId& id, TradeoffOptions options) {
           kMeasuringKey, WorkQueue::Lane::kBuild,
           [this, id, task, options = std::move(options)] { RunMeasuring(id, task, options); });
     } catch (...) {
-      measurements_.Forget(id.mesh);  // nobody will run it
+      measurements_.Forget(id.mesh);  // it will not run
       throw;
     }
   }
@@ -46,7 +46,7 @@ void TreeLibrary::RunMeasuring(const TreeId& id, const std::shared_ptr<Measureme
   Result<MeasuredTradeoff> measured = Error{ErrorCode::kInternal, "a failure"};
   try {
     measured = MeasureNow(id, options, task.get());
-    // Stored before anybody is told: what was answered is there after a restart.
+    // Stored before it is answered, so it exists after a restart.
     const std::lock_guard files_lock(MeshMutex(id.mesh));
     if (measured.ok() && measurements_.IsWanted(*task)) store_->WriteTradeoff(id.mesh, *measured);
   } catch (const std::bad_alloc&) {
@@ -67,7 +67,7 @@ Result<MeasuredTradeoff> TreeLibrary::MeasureNow(const TreeId& id, TradeoffOptio
                        [](const auto& entry) { return entry.second.flight != nullptr; });
   };
   Result<Scene> scene = [&]() -> Result<Scene> {
-    // It may be another job of the queue that brings the tree: that one has this place meanwhile.
+    // Another job of the queue may have to load the tree; it uses this place meanwhile.
     const std::optional<WorkQueue::Aside> aside = queue_.StepAside(WorkQueue::Lane::kBuild);
     if (!aside) return Error{ErrorCode::kMemoryFull, "too much other work waits already"};
     return Load(id, task->cancel);
@@ -76,7 +76,8 @@ Result<MeasuredTradeoff> TreeLibrary::MeasureNow(const TreeId& id, TradeoffOptio
   const Result<TreeInfo> info = Find(id);
   if (!info.ok()) return info.error();
   const bool closed = info->record.mesh && info->record.mesh->health.closed;
-  // Not waited for: who holds a mesh and waits for memory may wait for one who waits for the mesh.
+  // Does not wait: waiting for memory while holding a mesh could deadlock with work that waits for
+  // the mesh.
   const std::optional<MemoryCharge> charge =
       budget_.TryReserve(EstimateTradeoffBytes(scene->mesh->triangle_count(), options));
   if (!charge) return Error{ErrorCode::kMemoryFull, "there is no memory for measuring now"};
@@ -99,12 +100,12 @@ Result<std::optional<Measurements::Info>> TreeLibrary::WaitForMeasured(
   auto info = measurements_.Wait(id.mesh, until, cancel);
   if (!info.ok() || info->has_value()) return info;
   {
-    // Perhaps it was measured before the last start.
+    // The result may be stored from before the last start.
     const std::lock_guard files_lock(MeshMutex(id.mesh));
     Result<MeasuredTradeoff> stored = store_->ReadTradeoff(id.mesh);
     if (stored.ok()) measurements_.Adopt(id.mesh, *std::move(stored));
   }
-  // One may have begun meanwhile, so this waits too, and others need the mutex.
+  // A measurement may have begun meanwhile, so this waits too, without the mutex.
   return measurements_.Wait(id.mesh, until, cancel);
 }
 

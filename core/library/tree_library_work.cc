@@ -1,4 +1,4 @@
-// The worker's side of TreeLibrary: flights from start to landing.
+// The worker's side of TreeLibrary: flights from start to end.
 #include <array>
 #include <map>
 #include <new>
@@ -12,8 +12,8 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-// Failures of ids that are gone are kept for their answer; a flood of broken meshes must not turn
-// them into a leak.
+// Bounds the failures of deleted ids, which are kept for their answer, against a flood of invalid
+// meshes.
 constexpr std::size_t kMaxFailures = 10'000;
 
 // The same bytes would fail the same way.
@@ -51,7 +51,8 @@ std::optional<Error> TreeLibrary::EnsureFlight(Entry* entry) {
   return std::nullopt;
 }
 
-// The job first: a flight that nobody runs would be waited for for ever. The job waits for mutex_.
+// Submits the job first: a flight without a job would be waited for for ever. The job waits for
+// mutex_.
 void TreeLibrary::StartFlight(Entry* entry, MemoryCharge pledge) {
   if (shut_down_) return;
   const TreeRecord& record = entry->record;
@@ -69,7 +70,7 @@ void TreeLibrary::Land(Entry* entry, std::optional<Error> error) noexcept {
   entry->flight.reset();
 }
 
-// Null once the flight has landed: its tree was deleted, or the library shuts down.
+// Null if the flight has landed: its tree was deleted, or the library shuts down.
 TreeLibrary::Entry* TreeLibrary::EntryOf(const Flight& flight) {
   const auto found = entries_.find(flight.id);
   return found != entries_.end() && found->second.flight.get() == &flight ? &found->second
@@ -88,7 +89,7 @@ void TreeLibrary::Fly(const std::shared_ptr<Flight>& flight) noexcept {
   EraseUnwanted(flight->id.mesh);
 }
 
-// What a deletion did not find in memory, because it was on its way there.
+// Erases items that a deletion missed because they were being loaded.
 void TreeLibrary::EraseUnwanted(const Sha256Digest& mesh) noexcept {
   const std::lock_guard files_lock(MeshMutex(mesh));
   bool mesh_is_wanted = false;
@@ -100,7 +101,7 @@ void TreeLibrary::EraseUnwanted(const Sha256Digest& mesh) noexcept {
       is_wanted[i] = IsWanted(mesh, kAllBuildKinds[i]);
     }
   }
-  // Without mutex_: a large tree takes its time to go.
+  // Without mutex_, because destroying a large tree takes long.
   if (!mesh_is_wanted) cache_.EraseMesh(mesh);
   for (std::size_t i = 0; i < is_wanted.size(); ++i) {
     if (!is_wanted[i]) cache_.EraseTree(mesh, kAllBuildKinds[i]);
@@ -130,7 +131,7 @@ void TreeLibrary::FlyNow(const std::shared_ptr<Flight>& flight) {
   }
 }
 
-// With an error whose copy allocates nothing. Nothing happens to a flight that has landed.
+// The error's copy must not allocate. No effect on a flight that has landed.
 void TreeLibrary::GiveUp(Flight* flight, Error error) noexcept {
   const std::lock_guard lock(mutex_);
   Entry* entry = EntryOf(*flight);
@@ -144,10 +145,10 @@ bool TreeLibrary::Succeed(Flight* flight, const SceneSource::Fetched& fetched) {
   Entry* entry = EntryOf(*flight);
   if (entry == nullptr) return false;
   TreeRecord& record = entry->record;
-  TreeFacts facts = fetched.tree;  // what takes memory comes first
+  TreeFacts facts = fetched.tree;  // allocations come first
   std::optional<MeshFacts> mesh_facts = fetched.prepared->facts;
   if (!fetched.was_built && !record.tree) {
-    // The tree was there under another id; its build time is told there.
+    // The tree exists under another id, which has its build time.
     for (auto other = FirstOf(record.id.mesh);
          other != entries_.end() && other->first.mesh == record.id.mesh; ++other) {
       const std::optional<TreeFacts>& tree = other->second.record.tree;
@@ -163,7 +164,7 @@ bool TreeLibrary::Succeed(Flight* flight, const SceneSource::Fetched& fetched) {
   return true;
 }
 
-// Those who wait are answered before; a crash meanwhile costs a build, not an answer.
+// Waiting requests are answered before this; a crash meanwhile costs a build, not an answer.
 void TreeLibrary::Persist(const TreeRecord& before, const SceneSource::Fetched& fetched) {
   source_.Store(before.id, fetched);
   const TreeId& id = before.id;
@@ -179,7 +180,7 @@ void TreeLibrary::Persist(const TreeRecord& before, const SceneSource::Fetched& 
     mesh_is_wanted = HasMesh(id.mesh);
     tree_is_wanted = IsWanted(id.mesh, fetched.tree.build);
   }
-  // Deleted while it was written: what was written goes as well.
+  // Deleted while it was written: removes the written files.
   if (!mesh_is_wanted) {
     cache_.EraseMesh(id.mesh);
     (void)RemoveUnusedMesh(id.mesh);
@@ -187,7 +188,8 @@ void TreeLibrary::Persist(const TreeRecord& before, const SceneSource::Fetched& 
     cache_.EraseTree(id.mesh, fetched.tree.build);
     store_->RemoveTree(id.mesh, fetched.tree.build);
   }
-  // A record that cannot be written now says that a build is due; the tree's file answers that.
+  // If the record cannot be written, the stored one says that a build is due; the tree's file will
+  // be read instead.
   if (!record || *record == before || !store_->SaveRecord(*record).ok()) return;
   const std::lock_guard lock(mutex_);
   entries_.at(id).is_in_doubt = false;
@@ -206,13 +208,13 @@ void TreeLibrary::Fail(Flight* flight, const Error& error) {
                               (error.code == ErrorCode::kMeshTooLarge && entry->is_new));
     if (error.code == ErrorCode::kCorrupt) damaged_meshes_.insert(id.mesh);
   }
-  // All that takes memory first.
+  // Allocations come first.
   const SteadyClock::time_point now = SteadyClock::now();
   Error told = error;
   std::map<TreeId, Failure> kept;
   kept[id] = Failure{error, now + options_.keep_failure};
   Failure passing{error, now + (for_good ? options_.keep_failure : options_.retry_after)};
-  // A record that the disk does not let go keeps its mesh, and the failure is the tree's.
+  // If the record cannot be removed, its mesh stays, and the tree has the failure.
   const bool is_gone = for_good && RemoveRecord(id).ok();
   {
     const std::lock_guard lock(mutex_);

@@ -22,8 +22,8 @@ bool WaitingLine::MayTake(Place place, Clock::time_point now) {
   return !turn_began_ || place == waiters_.begin();
 }
 
-// The first has the turn, if anybody has. Who had one goes to the end, so the list stays in order
-// of patience.
+// The first waiter has the turn, if any has. After its turn it moves to the end, so the list stays
+// ordered by patience.
 void WaitingLine::GiveTurn(Clock::time_point now) {
   if (turn_began_ && now - *turn_began_ >= rule_.turn) {
     turn_began_.reset();

@@ -1,5 +1,5 @@
-// Who may take memory first, of those who wait for it. Only the rule: core/library/memory_budget.h
-// has the memory and the threads.
+// The order of those that wait for memory. Only the rule: core/library/memory_budget.h has the
+// memory and the threads.
 #pragma once
 
 #include <chrono>
@@ -10,11 +10,11 @@
 
 namespace kdray::core {
 
-/// Whoever finds room takes it, so small work passes large work that waits. Large work still has
-/// its turn: the one who has waited longest, and at least `patience`, gets a turn of `turn`, during
-/// which nobody else takes memory, so that what is given back adds up for it. A turn that was not
-/// enough goes to the next and comes again after `patience`. Nobody waits longer than `give_up`,
-/// and at most `most_waiting` wait. Not safe from several threads.
+/// A waiter takes free memory whenever it fits, so small work passes large work that waits. Large
+/// work gets turns: the waiter that has waited longest, and at least `patience`, gets a turn of
+/// `turn`, during which no other takes memory, so returned memory adds up for it. If a turn was not
+/// enough, the next waiter gets one, and this one again after `patience`. Nobody waits longer than
+/// `give_up`, and at most `most_waiting` wait. Not safe from several threads.
 class WaitingLine {
  public:
   using Clock = std::chrono::steady_clock;
@@ -32,11 +32,11 @@ class WaitingLine {
 
   explicit WaitingLine(const Rule& rule) : rule_(rule) {}
 
-  /// nullopt when too many wait already.
+  /// nullopt if too many wait already.
   std::optional<Place> Enter(Clock::time_point now);
   void Leave(Place place);
 
-  /// Whether one who does not wait may take what is free.
+  /// Whether work that does not wait may take free memory.
   bool MayPass(Clock::time_point now);
   bool MayTake(Place place, Clock::time_point now);
   bool MustGiveUp(Place place, Clock::time_point now) const {

@@ -13,7 +13,7 @@ WorkQueue::WorkQueue(int load_threads, int build_threads, int aside_threads)
   try {
     for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { Work(); });
   } catch (...) {
-    Stop();  // those that run already
+    Stop();  // waits for running jobs
     throw;
   }
 }
@@ -26,7 +26,7 @@ void WorkQueue::Submit(const Sha256Digest& key, Lane lane, std::function<void()>
   const std::lock_guard lock(mutex_);
   if (stopping_) return;
   const Lines::iterator line = lines_.try_emplace(key).first;
-  // Nothing is allocated from here on, nor where jobs are picked and ended.
+  // From here on nothing is allocated, nor where jobs are selected and ended.
   ++line->second.jobs;
   added.front().line = line;
   jobs_.splice(jobs_.end(), added);
@@ -94,9 +94,9 @@ void WorkQueue::Work() {
     lock.unlock();
     try {
       job.run();
-    } catch (...) {  // a job's mistake must not end the process
+    } catch (...) {  // a job's exception must not end the process
     }
-    job.run = nullptr;  // what it holds goes now, outside the lock
+    job.run = nullptr;  // destroys its captures now, outside the lock
     lock.lock();
 
     --running_;

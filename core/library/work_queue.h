@@ -1,5 +1,5 @@
-// Background work in order of arrival, on a few threads of its own. They are no TBB workers, so a
-// job may wait for memory or disk without holding up a query.
+// Background jobs in order of arrival, on separate threads. These are not TBB workers, so a job may
+// wait for memory or disk without delaying queries.
 #pragma once
 
 #include <condition_variable>
@@ -18,16 +18,16 @@
 
 namespace kdray::core {
 
-/// Jobs of one key never run at the same time and run in order of arrival, so what concerns one
-/// mesh needs no further care. Safe from many threads at once.
+/// Jobs of one key run one after the other, in order of arrival, so work on one mesh needs no other
+/// lock. Safe from many threads at once.
 class WorkQueue {
  public:
-  /// Loads are short and somebody waits for them, so they go before builds, and builds never take
-  /// all the threads.
+  /// Loads are short and requests wait for them, so they precede builds, and builds never use all
+  /// threads.
   enum class Lane { kLoad, kBuild };
 
-  /// A job that waits for what is no processor: another has its place while this lives. At the end
-  /// there may be one more at work than there are places.
+  /// For a job that waits without computing: another job uses its place during this object's life.
+  /// After that, one job more than the limit may run for a while.
   class Aside {
    public:
     Aside(Aside&& other) noexcept
@@ -44,23 +44,23 @@ class WorkQueue {
     Lane lane_;
   };
 
-  /// At most `load_threads` + `build_threads` jobs are at work, and `aside_threads` stand aside.
+  /// At most `load_threads` + `build_threads` jobs run, and `aside_threads` are set aside.
   WorkQueue(int load_threads, int build_threads, int aside_threads);
   ~WorkQueue();  ///< as Stop
 
-  /// Dropped without a trace after Stop. A job catches what it throws itself.
+  /// Jobs after Stop are dropped. A job must catch its exceptions.
   void Submit(const Sha256Digest& key, Lane lane, std::function<void()> job);
-  /// For a job of `lane` while it runs. nullopt when as many stand aside already as may.
+  /// For a running job of `lane`. nullopt if `aside_threads` jobs are aside already.
   std::optional<Aside> StepAside(Lane lane);
-  /// Drops what has not begun and waits for what has.
+  /// Drops jobs that have not begun and waits for running ones.
   void Stop();
 
  private:
-  // The jobs of one key, as long as there are any.
+  // The jobs of one key.
   struct Line {
     std::size_t jobs = 0;
     bool is_busy = false;         // one of them runs
-    std::uint64_t looked_at = 0;  // the latest look that met one of them
+    std::uint64_t looked_at = 0;  // the last search that saw one of them
   };
   using Lines = std::map<Sha256Digest, Line>;
   struct Job {
@@ -77,7 +77,7 @@ class WorkQueue {
   std::list<Job> jobs_;
   Lines lines_;
   std::uint64_t looks_ = 0;
-  // Without those that stand aside:
+  // Without jobs that are aside:
   int running_ = 0;
   int running_builds_ = 0;
   int aside_ = 0;

@@ -1,4 +1,4 @@
-// What a query runs on: a mesh and one tree over it.
+// The data of a query: a mesh and one tree over it.
 #pragma once
 
 #include <memory>
@@ -16,9 +16,9 @@ struct Scene {
   std::shared_ptr<const TriangleMesh> mesh;
   std::shared_ptr<const Tree> tree;
 
-  /// The nodes at `depth` and the leaves above it, in world units; kInvalidArgument when there are
-  /// more than `limit`. Builds the binary tree again if nobody has asked before. Errors:
-  /// kCancelled, kDeadlineExceeded.
+  /// The nodes at `depth` and the leaves above it, in world units; kInvalidArgument if there are
+  /// more than `limit`. The first call rebuilds the binary tree. Errors: kCancelled,
+  /// kDeadlineExceeded.
   Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit,
                                       const CancelToken& cancel = {}) const;
 };

@@ -12,7 +12,7 @@
 namespace kdray::core {
 namespace {
 
-// Raise the version whenever the layout below, or the meaning of a fact, changes.
+// Increment the version when the layout below, or the meaning of a fact, changes.
 constexpr FileKind kRecordFileKind{"kdraycat", 2};
 
 void PutTreeFacts(const TreeFacts& facts, CheckedWriter* writer) {

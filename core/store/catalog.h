@@ -1,5 +1,5 @@
-// Which trees there are: one small file each, named by the id, so that a crash or a damaged file
-// touches one tree and no other.
+// The records of trees: one small file for each, named by the id, so a crash or a damaged file
+// affects only one tree.
 #pragma once
 
 #include <cstdint>
@@ -23,22 +23,21 @@ class Catalog {
 
   struct Contents {
     std::vector<TreeRecord> records;  ///< in no order
-    std::uint64_t damaged = 0;        ///< of them, those whose file is no record
+    std::uint64_t damaged = 0;        ///< those of them whose file is not a valid record
     std::uint64_t unreadable = 0;     ///< of the damaged, those that cannot be read at all
   };
-  /// All records. A file that cannot be read still tells by its name that the tree was wanted: its
-  /// record has the file's time and a build due. Names that are no tree id
-  /// are passed over.
-  /// Fails only when the folder cannot be listed.
+  /// All records. A file that cannot be read still names its tree: its record has the file's time,
+  /// and a build is due. Names that are not tree ids are skipped. Fails only if the folder cannot
+  /// be listed.
   Result<Contents> Load() const;
 
-  /// Durable when it returns; after an error the old record or the new one is there.
+  /// Durable when it returns; after an error the old or the new record exists.
   Status Save(const TreeRecord& record);
-  /// Durable when it returns; after an error the record may be there, or come back.
+  /// Durable when it returns; after an error the record may exist, or reappear.
   Status Remove(const TreeId& id);
   /// Remove for every id that the mesh can have.
   Status RemoveAllOf(const Sha256Digest& mesh);
-  /// Whether there is a file of this name now, sound or not.
+  /// Whether a file of this name exists, valid or not.
   bool Has(const TreeId& id) const { return blobs_.Read(id.ToString()).ok(); }
 
  private:

@@ -83,8 +83,8 @@ std::optional<DiskRoom> DiskUsage::TryReserve(std::uint64_t bytes) {
 
 bool DiskUsage::IsWithinLimit() const {
   const std::lock_guard lock(mutex_);
-  // Meshes that no record names are the first to go, so they count as gone: no derived file goes
-  // for what their room holds.
+  // Meshes without a record are evicted first, so they do not count here: no derived file is
+  // evicted for their room.
   return Fits(arriving_, TotalLocked() - At(FileGroup::kUnrecorded).bytes + reserved_);
 }
 

@@ -1,5 +1,5 @@
-// What lies in the data directory, how much of it there may be, and what was used least recently.
-// Only bookkeeping: core/store/scene_store.h does the disk work.
+// The files of the data directory, their limit, and their order of use. Only bookkeeping:
+// scene_store.h does the disk work.
 #pragma once
 
 #include <array>
@@ -17,14 +17,15 @@
 
 namespace kdray::core {
 
-/// What counts, and is given up in turn. A catalog entry of about a kilobyte does not. kUnrecorded
-/// are mesh files that no record names.
+/// The groups of files that count and can be evicted. Records, of about a kilobyte, do not count.
+/// kUnrecorded are mesh files without a record.
 enum class FileGroup : std::uint8_t { kMeshes, kParsed, kTrees, kMeasured, kUnrecorded };
 inline constexpr std::size_t kFileGroups = 5;
 
 class DiskUsage;
 
-/// Room that a file on its way will take; given back when destroyed. One thread at a time.
+/// Room reserved for a file that is being written; returned when destroyed. For one thread at a
+/// time.
 class DiskRoom {
  public:
   DiskRoom(DiskRoom&& other) noexcept
@@ -39,8 +40,8 @@ class DiskRoom {
   std::uint64_t bytes_;
 };
 
-/// What an upload under way has on disk so far; no longer counted once destroyed. One thread at a
-/// time.
+/// The bytes of an unfinished upload on disk; not counted after its destruction. For one thread at
+/// a time.
 class ArrivingRoom {
  public:
   ArrivingRoom(ArrivingRoom&& other) noexcept
@@ -48,7 +49,7 @@ class ArrivingRoom {
   ArrivingRoom& operator=(ArrivingRoom&&) = delete;
   ~ArrivingRoom();
 
-  /// False when the uploads under way would come to more than the limit.
+  /// False if all unfinished uploads would exceed the limit.
   [[nodiscard]] bool Grow(std::uint64_t bytes);
 
  private:
@@ -58,8 +59,8 @@ class ArrivingRoom {
   std::uint64_t bytes_ = 0;
 };
 
-/// The limit holds for the files. Uploads under way come on top, together at most as much again:
-/// until one is complete, no mesh has to go for it. Safe from many threads at once.
+/// The limit applies to files. Unfinished uploads may take as much again, so no mesh is evicted for
+/// an upload before it is complete. Safe from many threads at once.
 class DiskUsage {
   struct File {
     std::string name;
@@ -70,7 +71,7 @@ class DiskUsage {
  public:
   explicit DiskUsage(std::optional<std::uint64_t> limit_bytes) : limit_(limit_bytes) {}
 
-  /// What is noted of a file, made before the file is: noting it can then not fail.
+  /// The entry of a file, made before the file, so adding it cannot fail.
   class Note {
    public:
     Note(std::string_view name, std::uint64_t bytes);
@@ -80,35 +81,35 @@ class DiskUsage {
     std::list<File> file_;
     Index index_;
   };
-  /// A file is there now, and was used just now.
+  /// Adds a file, used now.
   void Set(FileGroup group, Note note) noexcept;
   void Set(FileGroup group, std::string_view name, std::uint64_t bytes) {
     Set(group, Note(name, bytes));
   }
-  /// The file counts among those of `to` from now on; nothing when it is not among those of `from`.
+  /// Moves the file to the group `to`; no effect if it is not in `from`.
   void Move(FileGroup from, FileGroup to, std::string_view name) noexcept;
-  /// False when it was not there.
+  /// False if it is not in the group.
   bool Drop(FileGroup group, std::string_view name);
   void Use(FileGroup group, std::string_view name);
 
-  /// Nothing when it would go beyond the limit.
+  /// nullopt if it would exceed the limit.
   std::optional<DiskRoom> TryReserve(std::uint64_t bytes);
-  /// For an upload, which begins with no bytes.
+  /// For an upload, which begins without bytes.
   ArrivingRoom BeginArrival() { return ArrivingRoom(this); }
-  /// Whether files and uploads under way are within the limit, were kUnrecorded gone.
+  /// Whether files without kUnrecorded, and unfinished uploads, are within the limit.
   bool IsWithinLimit() const;
-  /// Whether there would be room for `bytes` with no derived file left.
+  /// Whether `bytes` would fit without any derived file.
   bool FitsBesideMeshes(std::uint64_t bytes) const;
-  /// The file of a group that was used least recently, but for those in `except`.
+  /// The least recently used file of a group, except those in `except`.
   std::optional<std::string> Oldest(FileGroup group,
                                     const std::set<std::string>& except = {}) const;
 
-  /// Of a file, 0 when it is not there.
+  /// Size of a file; 0 if it is not in the group.
   std::uint64_t BytesOf(FileGroup group, std::string_view name) const;
   std::uint64_t Count(FileGroup group) const;
-  /// All files; room that is only reserved is not counted.
+  /// Bytes of all files, without reserved room.
   std::uint64_t total() const;
-  /// Of them, those that are no meshes.
+  /// Bytes of all files except meshes.
   std::uint64_t derived() const;
   std::optional<std::uint64_t> limit() const { return limit_; }
 

@@ -25,7 +25,7 @@ void PutMeshFacts(const MeshFacts& facts, CheckedWriter* writer) {
   writer->Put(facts.health.non_manifold_edges);
   PutBool(facts.health.closed, writer);
   writer->Put(facts.health.coordinate_resolution);
-  // A second bit in the byte of the first, so that files without it can still be read.
+  // A second bit in the byte of the first, so older files can still be read.
   writer->Put(static_cast<std::uint8_t>((facts.double_vertices ? 1 : 0) +
                                         (facts.rounded_vertices ? 2 : 0)));
   PutBool(facts.wider_than_declared, writer);

@@ -1,4 +1,4 @@
-// How the facts about meshes and trees stand in stored files.
+// The encoding of facts about meshes and trees in stored files.
 #pragma once
 
 #include "core/catalog/facts.h"
@@ -17,7 +17,7 @@ inline constexpr bool kStorable<Bounds3d> = true;
 template <>
 inline constexpr bool kStorable<Sha256Digest> = true;
 
-/// A number of an enumeration; reading fails beyond `last`.
+/// An enumerator as a number; reading fails beyond `last`.
 template <class Enum>
 void PutEnum(Enum value, CheckedWriter* writer) {
   writer->Put(static_cast<std::uint8_t>(value));

@@ -121,7 +121,8 @@ class PosixFileLock final : public FileLock {
   Descriptor fd_;
 };
 
-// For writing, because some file systems lock nothing else; on a read-only disk for reading.
+// Opened for writing, because some file systems lock only such files; on a read-only disk for
+// reading.
 Descriptor OpenForLock(const std::filesystem::path& path) {
   Descriptor fd = OpenRetrying(path, O_RDWR | O_CREAT, S_IRUSR | S_IWUSR);
   return fd.ok() || errno != EROFS ? std::move(fd) : OpenRetrying(path, O_RDONLY);
@@ -144,7 +145,7 @@ class Posix final : public FileSystem {
   }
 
   Result<std::unique_ptr<ReadableFile>> Open(const Path& path) override {
-    // O_NONBLOCK: opening a FIFO that somebody put there must not hang.
+    // O_NONBLOCK: opening a FIFO must not block.
     Descriptor fd = OpenRetrying(path, O_RDONLY | O_NONBLOCK);
     if (!fd.ok()) return ErrnoError("open a file", errno);
     struct stat status {};
@@ -193,7 +194,7 @@ class Posix final : public FileSystem {
       return ErrnoError("make a folder", errno);
     }
     if (!std::filesystem::is_directory(path, error)) return ErrnoError("make a folder", ENOTDIR);
-    // Or a power failure could take the folder with all that is put into it.
+    // Otherwise a power failure could remove the folder with its files.
     const Path parent = std::filesystem::absolute(path, error).parent_path();
     return error ? ErrnoError("make a folder", error.value()) : SyncDirectory(parent);
   }

@@ -15,7 +15,7 @@ inline constexpr bool kStorable<TriangleIndices> = true;
 
 namespace {
 
-// Raise the version whenever parsing or the layout changes what a file would hold.
+// Increment the version when parsing or the layout changes a file's content.
 constexpr FileKind kMeshFileKind{"kdraymsh", 2};
 
 std::vector<std::uint8_t> PackBits(const std::vector<bool>& flags) {

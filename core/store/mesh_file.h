@@ -1,5 +1,5 @@
-// A parsed mesh on disk, so that a restart reads numbers instead of parsing text. Derived from the
-// mesh file's bytes: a damaged or lost one is made again.
+// A parsed mesh on disk, so a restart reads numbers instead of parsing text. Derived from the mesh
+// file's bytes: if damaged or lost, it is made again.
 #pragma once
 
 #include <memory>
@@ -11,8 +11,8 @@
 
 namespace kdray::core {
 
-/// Writes everything; what comes back has only to be named (NewBlob::Commit). `mesh` is the digest
-/// of the mesh file's bytes. Errors: those of FileSystem.
+/// Writes everything; the result only needs its name (NewBlob::Commit). `mesh` is the hash of the
+/// mesh file's bytes. Errors: those of FileSystem.
 Result<NewBlob> WriteMeshFile(const Sha256Digest& mesh, const PreparedMesh& prepared, NewBlob blob);
 
 /// The same mesh, bit for bit. kCorrupt for a file that is damaged, of another version or byte

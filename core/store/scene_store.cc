@@ -8,8 +8,8 @@
 namespace kdray::core {
 namespace {
 
-// A mesh's file is marked as used at most this often: the order of use only has to survive a
-// restart roughly.
+// A mesh file is marked as used at most this often; after a restart the order of use may be
+// approximate.
 constexpr std::chrono::minutes kTouchEvery{1};
 
 std::string TreeFileName(const Sha256Digest& mesh, BuildKind build) {
@@ -98,7 +98,7 @@ void SceneStore::MarkUnrecorded(const Sha256Digest& mesh) {
 }
 
 Result<NewMesh> SceneStore::BeginMesh(std::uint64_t bytes) {
-  // Better to know now than after the client has sent everything.
+  // Checks now, not after the client has sent everything.
   const Result<std::uint64_t> free = file_system_->FreeBytes(directory_);
   const std::uint64_t derived = usage_.derived();
   if (free.ok() && bytes > *free && bytes - *free > derived) return DiskFull(bytes, *free);
@@ -115,7 +115,7 @@ Status NewMesh::Append(std::span<const std::byte> bytes) {
   return blob_.Append(bytes);
 }
 
-// Derived files give way to bytes that are there, within the limit as on the disk.
+// Evicts derived files for bytes that have arrived, for the limit and for the disk.
 Status SceneStore::MakeRoomForArrived(std::uint64_t bytes, ArrivingRoom* room) {
   if (!room->Grow(bytes)) {
     return Error{ErrorCode::kStoreFull, "the uploads under way are as large as the store"};
@@ -237,7 +237,7 @@ Result<Tree> SceneStore::ReadTree(const TreeFileKey& key) {
 template <class Write>
 void SceneStore::WriteDerived(FileGroup group, const std::string& name,
                               std::uint64_t bytes_expected, const Write& write) {
-  // Others' files do not give way to one that will not fit anyway, nor do meshes to derived ones.
+  // Does not evict files for one that cannot fit, nor meshes for derived files.
   if (!usage_.FitsBesideMeshes(bytes_expected)) return;
   const std::optional<DiskRoom> room = MakeRoom(bytes_expected);
   if (!room) return;

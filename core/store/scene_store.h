@@ -1,13 +1,13 @@
 // The data directory:
 //   lock              held while a daemon uses the directory
-//   meshes/<sha256>   the uploaded bytes, as they came
-//   catalog/<id>      which trees there are (catalog.h): a mesh without a record serves nobody, and
+//   meshes/<sha256>   the uploaded bytes
+//   catalog/<id>      the records of trees (catalog.h): a mesh without a record is not served, and
 //                     is kept until the same bytes are uploaded again or the limit needs its room
 //   parsed/<sha256>   derived: the parsed mesh (mesh_file.h)
 //   trees/<sha256>-<build>   derived: the built tree (tree_file.h)
 //   measured/<sha256>        derived: the trade-off that was measured (tradeoff_file.h)
-// Derived files may go at any time; they are made again when they are missed, but for what was
-// measured, which somebody has to ask for again.
+// Derived files may be removed at any time. They are made again when needed, except measurements,
+// which must be requested again.
 #pragma once
 
 #include <array>
@@ -40,17 +40,17 @@ namespace kdray::core {
 
 class SceneStore;
 
-/// A mesh file on its way in: hashed and written while it arrives. Destroyed, it leaves nothing.
-/// One thread at a time.
+/// A mesh file that is being uploaded: hashed and written while it arrives. The destructor removes
+/// it. For one thread at a time.
 class NewMesh {
  public:
-  /// kStoreFull when the disk has no room for them, even without derived files, or the uploads
-  /// under way come to more than the limit.
+  /// kStoreFull if the disk has no room for them, even without derived files, or all unfinished
+  /// uploads exceed the limit.
   Status Append(std::span<const std::byte> bytes);
-  /// Of all that was appended; call once, at the end.
+  /// The hash of all appended bytes; call once, at the end.
   Sha256Digest Digest() { return hash_.Finish(); }
-  /// Puts it on stable storage under a temporary name; SceneStore::Commit names it, and does so
-  /// itself when this was not called.
+  /// Puts it on stable storage under a temporary name. SceneStore::Commit does so itself if this
+  /// was not called, and gives it its name.
   Status Sync() { return blob_.Sync(); }
   std::uint64_t bytes() const { return blob_.bytes(); }
 
@@ -65,8 +65,8 @@ class NewMesh {
   Sha256 hash_;
 };
 
-/// Safe from many threads at once, but for two calls that write or remove files of one mesh: the
-/// caller keeps those apart. Nothing here is called under a lock that a query needs.
+/// Safe from many threads at once, except for two calls that write or remove files of the same
+/// mesh, which the caller must serialise. Do not call it under a lock that a query needs.
 class SceneStore {
  public:
   struct Options {
@@ -74,58 +74,59 @@ class SceneStore {
     std::filesystem::path directory;
     std::optional<std::uint64_t> limit_bytes;  ///< of meshes and derived files together
   };
-  /// Takes the directory for this process. Errors: kInvalidArgument when another process has it,
-  /// else those of FileSystem.
+  /// Locks the directory for this process. Errors: kInvalidArgument if another process has it, else
+  /// those of FileSystem.
   static Result<std::unique_ptr<SceneStore>> Open(const Options& options);
 
   struct Contents {
-    std::vector<TreeRecord> records;           ///< in no order
-    std::set<Sha256Digest> unreadable_meshes;  ///< of the recorded ones: missing, foreign, cut
+    std::vector<TreeRecord> records;  ///< in no order
+    std::set<Sha256Digest>
+        unreadable_meshes;  ///< of the recorded ones: missing, foreign, truncated
   };
-  /// Reads the catalog and takes stock of the folders, which it makes if need be. Call once, after
-  /// Open. Removes derived files that belong to no mesh, and no others. A record stays whatever has
-  /// become of its mesh. kCorrupt, with nothing changed, when the directory is not what it was: a
-  /// folder belongs to another user or cannot be read; one is missing although the catalog names
-  /// meshes, or the catalog's although there are meshes; or at least two, and more than half, of
-  /// the recorded meshes or of the records cannot be read.
+  /// Reads the records and lists the folders, which it makes if they do not exist. Call once, after
+  /// Open. Removes only derived files without a mesh. Keeps every record, whatever the state of its
+  /// mesh. kCorrupt, with nothing changed, when the directory is not what it was: a folder belongs
+  /// to another user or cannot be read; one is missing although the catalog names meshes, or the
+  /// catalog's although there are meshes; or at least two, and more than half, of the recorded
+  /// meshes or of the records cannot be read.
   Result<Contents> Load();
 
   // Meshes.
 
-  /// Nothing when the limit does not leave `bytes` free.
+  /// nullopt if the limit does not leave `bytes` free.
   std::optional<DiskRoom> TryReserve(std::uint64_t bytes) { return usage_.TryReserve(bytes); }
-  /// Removes derived files, least recently used first, until the limit leaves `bytes` free. Nothing
-  /// when that is not enough.
+  /// Removes derived files, least recently used first, until the limit leaves `bytes` free. nullopt
+  /// if that is not enough.
   std::optional<DiskRoom> MakeRoom(std::uint64_t bytes);
-  /// The mesh to give up next, but for `except` (digests in hexadecimal).
+  /// The mesh to evict next, except those in `except` (hashes in hexadecimal).
   std::optional<Sha256Digest> OldestMesh(const std::set<std::string>& except) const;
-  /// A mesh that no record names, to be given up before anything else.
+  /// A mesh without a record, which is evicted before anything else.
   std::optional<Sha256Digest> OldestUnrecordedMesh() const;
   std::uint64_t unrecorded_meshes() const { return usage_.Count(FileGroup::kUnrecorded); }
-  /// kStoreFull when the disk has no room for `bytes`, even without derived files, or cannot be
-  /// written. Nothing is removed before the bytes are there.
+  /// kStoreFull if the disk has no room for `bytes`, even without derived files, or cannot be
+  /// written. Nothing is removed before the bytes arrive.
   Result<NewMesh> BeginMesh(std::uint64_t bytes);
-  /// Durable when it returns; replaces what had the name. `room`: what MakeRoom gave for it.
+  /// Durable when it returns; replaces a file of that name. `room`: the result of MakeRoom.
   Status Commit(const Sha256Digest& mesh, NewMesh file, DiskRoom room);
-  /// Whether there is a readable file of this size now. Does not look at its bytes.
+  /// Whether a readable file of this size exists. Does not read its bytes.
   bool HasMesh(const Sha256Digest& mesh, std::uint64_t bytes) const {
     return !WhyUnreadable(mesh, bytes).has_value();
   }
-  /// kCorrupt when it is missing, cannot be read, or its bytes do not have the digest (this hashes
-  /// the whole file): storing it again repairs it.
+  /// kCorrupt if it is missing, cannot be read, or its bytes have another hash (this hashes the
+  /// whole file). Storing it again repairs it.
   Result<std::unique_ptr<ReadableFile>> OpenMesh(const Sha256Digest& mesh);
   Result<std::vector<std::byte>> ReadMesh(const Sha256Digest& mesh);
-  /// All that was derived from the mesh, then its file. No record names it any more: should the
-  /// disk refuse, it is an unrecorded mesh.
+  /// Removes the mesh's derived files, then its file, which must have no record. If the disk fails,
+  /// it is an unrecorded mesh.
   Status RemoveMesh(const Sha256Digest& mesh);
-  /// No record names the mesh's file any more.
+  /// Marks a mesh file that has no record any more.
   void MarkUnrecorded(const Sha256Digest& mesh);
-  /// Notes a use, for OldestMesh.
+  /// Records a use, for OldestMesh.
   void UseMesh(const Sha256Digest& mesh);
 
-  // Derived files. Writing one that finds no room is no error: it is made again when it is missed.
+  // Derived files. A lack of room for one is not an error; it is made again when needed.
 
-  /// About the memory that the mesh will take; 0 when there is no file.
+  /// About the memory that the mesh will take; 0 without a file.
   std::uint64_t PreparedFileBytes(const Sha256Digest& mesh) const;
   Result<PreparedMesh> ReadPrepared(const Sha256Digest& mesh);
   void WritePrepared(const Sha256Digest& mesh, const PreparedMesh& prepared);
@@ -135,11 +136,11 @@ class SceneStore {
   void WriteTree(const TreeFileKey& key, const Tree& tree);
   void RemoveTree(const Sha256Digest& mesh, BuildKind build);
 
-  /// kNotFound when there is none.
+  /// kNotFound if there is no result.
   Result<MeasuredTradeoff> ReadTradeoff(const Sha256Digest& mesh);
   void WriteTradeoff(const Sha256Digest& mesh, const MeasuredTradeoff& measured);
   bool HasTradeoff(const Sha256Digest& mesh) const;
-  /// Durable when it returns; nothing there is success.
+  /// Durable when it returns; success if there is no result.
   Status RemoveTradeoff(const Sha256Digest& mesh);
 
   // The catalog.
@@ -151,7 +152,7 @@ class SceneStore {
 
   std::uint64_t bytes() const { return usage_.total(); }
   std::optional<std::uint64_t> limit() const { return usage_.limit(); }
-  /// Files that failed their check, or that the disk refused to read, since Open.
+  /// Files that failed their check, or could not be read, since Open.
   std::uint64_t damaged_files() const { return damaged_; }
 
  private:

@@ -1,5 +1,5 @@
-// The start of SceneStore: it looks at everything before it changes anything, so that a start that
-// is refused leaves the data directory as it was.
+// The start of SceneStore. It inspects everything before it changes anything, so a failed start
+// leaves the data directory unchanged.
 #include <algorithm>
 #include <optional>
 #include <string>
@@ -17,7 +17,7 @@ bool IsDigest(const std::string& name) {
   return ParseSha256Hex(name, &digest);
 }
 
-// Whether a file of this group can have the name: others are somebody else's and stay.
+// Whether a file of this group can have the name; other files are not ours and stay.
 bool IsOurs(FileGroup group, const std::string& name) {
   return group == FileGroup::kTrees ? ParseTreeId(name).has_value() : IsDigest(name);
 }
@@ -41,7 +41,7 @@ constexpr FileGroup kGroupsOnDisk[] = {FileGroup::kMeshes, FileGroup::kParsed, F
 
 std::size_t IndexOf(FileGroup group) { return static_cast<std::size_t>(group); }
 
-// One damaged file happens; when most are gone, it is the disk or the owner that is wrong.
+// One damaged file is possible; if most are missing, the disk or the owner is wrong.
 bool IsTooMany(std::uint64_t unreadable, std::uint64_t all) {
   return unreadable >= 2 && unreadable > all - unreadable;
 }
@@ -80,7 +80,7 @@ std::optional<std::string> SceneStore::WhyUnreadable(const Sha256Digest& mesh,
   return std::nullopt;
 }
 
-// By mesh: its size as its records say it, 0 when none of them can be read.
+// The size of each mesh by its records; 0 if none of them can be read.
 SceneStore::RecordedMeshes SceneStore::RecordedIn(const Catalog::Contents& catalog) {
   RecordedMeshes recorded;
   for (const TreeRecord& record : catalog.records) {
@@ -90,7 +90,7 @@ SceneStore::RecordedMeshes SceneStore::RecordedIn(const Catalog::Contents& catal
   return recorded;
 }
 
-// A size that no record tells is that of the file.
+// A size that no record has is that of the file.
 void SceneStore::CompleteSizes(const std::vector<FileInfo>& meshes, RecordedMeshes* recorded) {
   for (const FileInfo& file : meshes) {
     Sha256Digest mesh;
@@ -157,7 +157,7 @@ Result<SceneStore::Contents> SceneStore::Load() {
   Result<std::set<Sha256Digest>> unreadable = UnreadableMeshes(recorded);
   if (!unreadable.ok()) return std::move(unreadable).error();
 
-  // All is accounted for. From here on files are made and removed.
+  // Everything is accounted for. From here on files are made and removed.
   for (const FileGroup group : kGroupsOnDisk) {
     if (Status opened = Blobs(group).Open(); !opened.ok()) {
       return RefusalOf(kFolders[IndexOf(group)], opened.error());
@@ -172,9 +172,9 @@ Result<SceneStore::Contents> SceneStore::Load() {
   return Contents{std::move(catalog.records), *std::move(unreadable)};
 }
 
-// Takes what is on disk into the books, oldest use first. Derived files without a mesh are what a
-// deletion left that a crash cut off; they go. Without any record nothing is known of this
-// directory, and all of it stays.
+// Adds the files on disk to the bookkeeping, oldest use first. Removes derived files without a
+// mesh, which a deletion interrupted by a crash left. Without any record, nothing is known of this
+// directory, and all files stay.
 void SceneStore::TakeStock(const RecordedMeshes& recorded, Files files) {
   std::set<std::string> wanted;
   for (const auto& [mesh, bytes] : recorded) wanted.insert(mesh.ToHex());

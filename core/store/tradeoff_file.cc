@@ -11,7 +11,7 @@
 namespace kdray::core {
 namespace {
 
-// Raise the version whenever the layout changes, or what a number means.
+// Increment the version when the layout, or the meaning of a number, changes.
 constexpr FileKind kTradeoffFileKind{"kdraytrd", 2};
 
 void Put(const ErrorRate& rate, CheckedWriter* writer) {

@@ -1,4 +1,4 @@
-// What was measured on a mesh, as a stored file.
+// The stored result of a mesh's trade-off measurement.
 #pragma once
 
 #include <cstdint>
@@ -14,10 +14,10 @@ namespace kdray::core {
 /// Some hundred bytes for each build and precision.
 inline constexpr std::uint64_t kTradeoffFileBytes = 8192;
 
-/// On stable storage under its temporary name when it returns.
+/// The file is on stable storage under its temporary name when it returns.
 Result<NewBlob> WriteTradeoffFile(const Sha256Digest& mesh, const MeasuredTradeoff& measured,
                                   NewBlob blob);
-/// kCorrupt unless it is sound and of this mesh; kIo.
+/// kCorrupt unless it is valid and of this mesh; kIo.
 Result<MeasuredTradeoff> ReadTradeoffFile(const Sha256Digest& mesh,
                                           std::unique_ptr<ReadableFile> file);
 

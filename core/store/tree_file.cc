@@ -14,7 +14,7 @@ inline constexpr bool kStorable<LeafBlock> = true;
 
 namespace {
 
-// Raise the version whenever the layout below, or that of a node or block, changes.
+// Increment the version when the layout below, or that of a node or block, changes.
 constexpr FileKind kTreeFileKind{"kdraytre", 2};
 
 void PutWideTree(const WideTree& tree, CheckedWriter* writer) {

@@ -1,5 +1,5 @@
-// A built tree on disk, so that a restart reads it instead of building. Derived from the mesh: a
-// damaged or lost one is built again.
+// A built tree on disk, so a restart reads it instead of building it. Derived from the mesh: if
+// damaged or lost, it is built again.
 #pragma once
 
 #include <cstddef>
@@ -13,18 +13,18 @@
 
 namespace kdray::core {
 
-/// Part of what a file must match to be taken. Raise it when a builder is changed so that it makes
-/// other trees: stored ones then give way to what this version builds.
+/// A file is only read if it has this revision. Increment it when a change of a builder gives other
+/// trees, so stored ones are rebuilt.
 inline constexpr std::uint32_t kBuilderRevision = 6;
 
-/// Which tree a file holds.
+/// Identifies the tree of a file.
 struct TreeFileKey {
   Sha256Digest mesh;               ///< of the mesh file's bytes
   std::size_t triangle_count = 0;  ///< of the mesh
   BuildKind build = BuildKind::kBox;
 };
 
-/// Writes everything; what comes back has only to be named (NewBlob::Commit). Errors: those of
+/// Writes everything; the result only needs its name (NewBlob::Commit). Errors: those of
 /// FileSystem.
 Result<NewBlob> WriteTreeFile(const TreeFileKey& key, const Tree& tree, NewBlob blob);
 

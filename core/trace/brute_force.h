@@ -1,6 +1,5 @@
-// Reference answers: every triangle against every ray with the same leaf test, no structure and no
-// culling. The oracle of tests and of the measured trade; far too slow for
-// anything else.
+// Reference answers: every triangle with every ray by the same triangle intersection, without
+// structure and culling. The oracle of tests; too slow for anything else.
 #pragma once
 
 #include "core/geometry/hit.h"
@@ -10,7 +9,7 @@
 
 namespace kdray::core {
 
-/// What ClosestHit must answer for any tree over this mesh. O(triangles).
+/// The answer that ClosestHit must give for any tree over this mesh. O(triangles).
 Hit BruteForceClosest(const TriangleMesh& mesh, const Ray& ray, Precision precision);
 bool BruteForceAny(const TriangleMesh& mesh, const Ray& ray, Precision precision);
 

@@ -19,11 +19,11 @@ struct Crossing {
   ExactIntersection::Hit hit;
   PrimitiveId id;
 };
-// What moving one in a sort counts as (CancelPoll).
+// Work (CancelPoll) of moving one crossing in a sort.
 constexpr std::uint64_t kSortWork = 16;
 
-/// Every crossing of one ray within the caller's interval, in order of id; anything once the poll
-/// has stopped. Scratch is reused.
+/// All crossings of one ray within the caller's interval, in order of id; unspecified if the poll
+/// stops. Scratch is reused.
 template <class CornersOf>
 void FindCrossings(const WideTree& tree, const CornersOf& corners, const LocalRay& ray,
                    const ExactIntersection& test, CancelPoll* poll,
@@ -44,7 +44,7 @@ void FindCrossings(const WideTree& tree, const CornersOf& corners, const LocalRa
         return std::numeric_limits<double>::infinity();
       },
       [&] { return !poll->Spend(kNodeWork); });
-  // A triangle stands in several leaves of a kd-tree.
+  // A kd-tree may have a triangle in several leaves.
   PolledSort(std::span(*crossings), kSortWork, poll,
              [](const Crossing& a, const Crossing& b) { return a.id < b.id; });
   crossings->erase(std::unique(crossings->begin(), crossings->end(),
@@ -52,8 +52,8 @@ void FindCrossings(const WideTree& tree, const CornersOf& corners, const LocalRa
                    crossings->end());
 }
 
-/// per_ray(i, test, corners, poll, crossings) for every ray of the batch; a ray that misses the
-/// mesh's surroundings or cannot be is left out.
+/// per_ray(i, test, corners, poll, crossings) for every ray of the batch, except invalid rays and
+/// rays that miss [-2, 2]^3.
 template <class PerRay>
 Status ForEachRay(const Scene& scene, const RayBatch& rays, const CancelToken& cancel,
                   const PerRay& per_ray) {
@@ -93,7 +93,7 @@ Status TraceCount(const Scene& scene, RayBatch rays, const CancelToken& cancel,
 
 Result<Crossings> TraceAll(const Scene& scene, RayBatch rays, std::size_t max_hits,
                            const CancelToken& cancel) {
-  // Each chunk fills its own list, so threads do not meet; the lists are joined in order.
+  // Each chunk fills its own list, so threads do not conflict; the lists are joined in order.
   std::vector<std::vector<Hit>> chunks((rays.size() + kChunkRays - 1) / kChunkRays);
   std::vector<std::size_t> kept(rays.size());
   std::vector<std::uint8_t> cut(rays.size());

@@ -7,9 +7,9 @@
 namespace kdray::core {
 namespace {
 
-/// How far from the triangle's plane a leaf test can put the origin of a ray that starts beside it,
-/// per axis, local units: some roundings of coordinates below 2 in the test's arithmetic. Half as
-/// much was enough for every ray of N16 (tests/property/secondary_rays_test.cc), a quarter was not.
+/// Bound of the error, per axis and in local units, of the origin of a ray that starts beside a
+/// triangle: some roundings of coordinates below 2 in the test's arithmetic. Half of it was enough
+/// for every ray of N16 (tests/property/secondary_rays_test.cc), a quarter was not.
 double LeafTestError(Precision precision) {
   switch (precision) {
     case Precision::kFast:
@@ -18,7 +18,7 @@ double LeafTestError(Precision precision) {
     case Precision::kDouble:
       return 0x1p-47;
     case Precision::kExact:
-      return 0;  // takes the origin as given
+      return 0;  // uses the origin as given
   }
   return 0;
 }
@@ -34,12 +34,12 @@ Vec3d LeaveSurface(const TriangleMesh& mesh, const Hit& hit, const Vec3d& direct
   const Vec3d c = mesh.LocalCorner(hit.primitive_id, 2);
   const Vec3d point = a * (1 - hit.u - hit.v) + b * hit.u + c * hit.v;
   Vec3d normal = Cross(b - a, c - a);
-  if (normal == Vec3d{}) return frame.ToWorld(point);  // seen as a line: no side to leave it on
+  if (normal == Vec3d{}) return frame.ToWorld(point);  // a line in double: it has no side
   normal = NormalizedAtAnyScale(normal);
   if (Dot(normal, direction) < 0) normal = -normal;
 
-  // The point: a sum of three products with weights of few roundings. Then the way to world units
-  // and, in the trace to come, back.
+  // Errors of the point, a sum of three products with weights of few roundings, of its conversion
+  // to world units, and of the trace's conversion back.
   double distance = 0;
   for (int axis = 0; axis < 3; ++axis) {
     const double world = std::fabs(ScaleByPowerOfTwo(frame.origin[axis], -frame.exponent));

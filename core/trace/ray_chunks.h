@@ -1,4 +1,4 @@
-// Cuts a batch into pieces for the threads of the caller's arena.
+// Splits a batch into chunks for the threads of the caller's arena.
 #pragma once
 
 #include <algorithm>
@@ -11,12 +11,12 @@
 
 namespace kdray::core {
 
-/// What one thread takes at a time.
+/// Rays that one thread takes at a time.
 inline constexpr std::size_t kChunkRays = 64;
 
 /// f(first, last, poll) for [0, count) in chunks that begin at multiples of kChunkRays, in
-/// parallel. f counts its work in `poll`, and returns early when that says so. Errors: kCancelled,
-/// kDeadlineExceeded; then some chunks were left out.
+/// parallel. f counts its work in `poll`, and returns early when that stops. Errors: kCancelled,
+/// kDeadlineExceeded; then some chunks are missing.
 template <class F>
 Status ForEachChunk(std::size_t count, const CancelToken& cancel, const F& f) {
   std::atomic<bool> stopped{false};

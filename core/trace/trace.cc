@@ -16,7 +16,7 @@
 namespace kdray::core {
 namespace {
 
-// A block is what one thread takes at a time.
+// Rays that one thread takes at a time.
 constexpr std::size_t kBlockRays = 4096;
 
 // Counts the work of one ray.
@@ -32,7 +32,7 @@ Hit InvalidRow() {
   return hit;
 }
 
-/// Both kinds of query: `job` has its answers' place, the rest is filled in here.
+/// Both kinds of query: `job` has the memory of its answers; the rest is set here.
 Status TraceByKernel(const Scene& scene, const RayBatch& rays, const TraceOptions& options,
                      KernelJob job) {
   const std::unique_ptr<const ScalarSearch> scalar =

@@ -1,5 +1,5 @@
-// The batch interface of ray queries: the one way in for server, renderer, tests and benchmarks.
-// Kernels are chosen behind it; each only culls, and one leaf test per precision
+// The batch interface of ray queries for server, renderer, tests and benchmarks. It chooses a
+// kernel, which only culls; one triangle intersection per precision
 // (core/intersect/triangle_intersection.h) decides.
 #pragma once
 
@@ -23,38 +23,38 @@ struct TraceOptions {
   Precision precision = Precision::kWatertight;
   CancelToken cancel;
 
-  /// For tests and benchmarks; when absent, the rays and the processor decide. No answer depends on
-  /// any of them. A level must be one of SupportedSimdLevels().
+  /// For tests and benchmarks; by default the rays and the processor decide. No answer depends on
+  /// these options. A level must be one of SupportedSimdLevels().
   std::optional<KernelKind> kernel = {};
   std::optional<SimdLevel> simd = {};
-  std::optional<bool> sort = {};  ///< bring rays that are alike together before they are traced
+  std::optional<bool> sort = {};  ///< sort similar rays together before tracing
 };
 
-/// Work done for one ray; what the `cost` picture shows. Depends on the build, unlike answers.
+/// The work for one ray, for the trade-off. Unlike answers, it depends on the build.
 struct TraceCost {
   std::uint32_t nodes_visited = 0;
   std::uint32_t triangles_tested = 0;
 };
 
 /// hits[i] = the hit of rays[i] with the smallest t in [t_min, t_max], both ends included; at equal
-/// t the smallest primitive_id. A miss is Hit{}; a ray that cannot be (IsValid) is a miss with t =
-/// NaN. Each row depends on its ray and the mesh alone: not on its neighbours, the build, the
-/// number of threads. hits.size() == rays.size(). Works in blocks, in parallel within the caller's
-/// arena; looks at `cancel` by the work done, inside a ray too. Errors: kCancelled,
-/// kDeadlineExceeded (hits are then unspecified). Safe from many threads at once.
+/// t the smallest primitive_id. A miss is Hit{}; an invalid ray (IsValid) is a miss with t = NaN.
+/// Each row depends only on its ray and the mesh: not on its neighbours, the build, or the number
+/// of threads. hits.size() == rays.size(). Works in blocks, in parallel within the caller's arena;
+/// polls `cancel` by work done, also within a ray. Errors: kCancelled, kDeadlineExceeded (hits are
+/// then unspecified). Safe from many threads at once.
 Status TraceClosest(const Scene& scene, RayBatch rays, const TraceOptions& options,
                     std::span<Hit> hits);
 
-/// occluded[i] = 1 exactly when TraceClosest would find a hit, else 0. Rays that cannot be are 0;
-/// test them with IsValid.
+/// occluded[i] = 1 if TraceClosest finds a hit, else 0. Invalid rays give 0; test them with
+/// IsValid.
 Status TraceAny(const Scene& scene, RayBatch rays, const TraceOptions& options,
                 std::span<std::uint8_t> occluded);
 
-/// TraceClosest that also counts the work.
+/// TraceClosest that also counts work, on the binary tree.
 Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& options,
                    std::span<Hit> hits, std::span<TraceCost> costs);
 
-/// The plain reference path for one ray.
+/// The plain reference implementation for one ray.
 Hit ClosestHit(const Scene& scene, const Ray& ray, Precision precision);
 bool AnyHit(const Scene& scene, const Ray& ray, Precision precision);
 

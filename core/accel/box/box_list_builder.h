@@ -1,4 +1,4 @@
-// Builds a BoxList, and says what it costs.
+// Builds a BoxList, and computes its statistics.
 #pragma once
 
 #include "core/accel/box/box_list.h"

@@ -23,7 +23,8 @@ Status Bvh::Validate(std::size_t triangle_count) const {
   }
   if (nodes.empty()) return {};
 
-  // Depth first: the first child comes next, the second after the whole first subtree.
+  // The layout is depth first: the first child comes next, the second after the whole first
+  // subtree.
   struct PendingSecond {
     std::uint32_t node;
     int depth;
@@ -65,7 +66,7 @@ Result<std::vector<TreeCell>> Bvh::Cells(std::uint32_t depth, std::size_t limit,
   std::vector<TreeCell> cells;
   if (nodes.empty()) return cells;
 
-  // The leaves below a node are one range of nodes, as the layout is depth first.
+  // In the depth-first layout, the leaves below a node are one range of nodes.
   CancelPoll poll(cancel);
   std::vector<Entry> pending = {{0, 0}};
   while (!pending.empty()) {

@@ -1,4 +1,4 @@
-// A bounding volume hierarchy with two children a node.
+// A binary bounding volume hierarchy.
 #pragma once
 
 #include <algorithm>
@@ -33,15 +33,14 @@ struct Bvh {
   static constexpr int kMaxDepth = 64;
 
   std::vector<BvhNode>
-      nodes;  ///< depth first; [0] is the root; empty when the mesh has degenerate triangles only
+      nodes;  ///< depth first; [0] is the root; empty if all triangles are degenerate
   std::vector<PrimitiveId> primitives;
 
   std::uint64_t bytes() const {
     return nodes.size() * sizeof(BvhNode) + primitives.size() * sizeof(PrimitiveId);
   }
 
-  /// As KdTree::Traverse; leaves come roughly front to back, each child's box being met before its
-  /// sibling's is skipped.
+  /// As KdTree::Traverse; leaves come roughly front to back.
   template <class Visit, class OnNode>
   void Traverse(const LocalRay& ray, double pad, const Visit& visit, const OnNode& on_node) const;
 

@@ -1,5 +1,5 @@
-// The two ways of cutting that the lecture note describes ("Acceleration Structures", section 4).
-// Both look at the centroids of the triangles and take the axes in turn.
+// The two split rules of the lecture note (George Tang, "Acceleration Structures", 2019, section
+// 4). Both use the centroids of the triangles and take the axes in turn.
 #pragma once
 
 #include <optional>
@@ -13,7 +13,7 @@
 
 namespace kdray::core {
 
-/// Finds the note's cuts; nothing once `cancel` says stop. Keeps scratch memory between calls; one
+/// Finds the note's splits; nullopt if `cancel` stops. Keeps scratch memory between calls; for one
 /// thread at a time.
 class CentroidSplitFinder {
  public:
@@ -21,15 +21,15 @@ class CentroidSplitFinder {
       : mesh_(mesh), cost_(cost), poll_(cancel) {}
 
   /// The naive build: the plane at the median of the centroids (between the middle two of an even
-  /// number), on axis depth % 3. Where that plane would not be inside the cell or would leave a
-  /// child with everything, the next axis has its turn; nothing when none is left. O(n) time.
+  /// number), on axis depth % 3. If that plane is not inside the cell, or one child would get all
+  /// triangles, the next axis is tried; nullopt if no axis is left. O(n) time.
   std::optional<SplitCandidate> FindMedian(std::span<const PrimitiveRef> references,
                                            const Bounds3f& cell, int depth);
 
   /// Algorithm 1: the plane through the centroid that makes the SAH cost least, on axis depth % 3.
-  /// Where no plane beats the leaf (a flat mesh has none across), the next axis has its turn;
-  /// nothing when none is left. The note counts the triangles anew for every plane, which takes
-  /// O(n^2); sorted ends give the same counts in O(n log n).
+  /// If no plane is cheaper than a leaf (a flat mesh has none on one axis), the next axis is tried;
+  /// nullopt if no axis is left. The note counts the triangles again for every plane, in O(n^2);
+  /// sorted ends give the same counts in O(n log n).
   std::optional<SplitCandidate> FindCyclic(std::span<const PrimitiveRef> references,
                                            const Bounds3f& cell, int depth);
 

@@ -19,8 +19,8 @@ std::size_t DigitOf(std::uint32_t position, std::size_t digit) {
 
 void EventSorter::Sort(std::span<const PrimitiveRef> references, int axis,
                        std::vector<SplitEvent>* events) {
-  // First by kind and slot, which decide between equal positions: sorting by a digit keeps the
-  // order of equals.
+  // First by kind and slot, which decide between equal positions, because sorting by a digit is
+  // stable.
   using Kind = SplitEvent::Kind;
   events->clear();
   events->reserve(2 * references.size());

@@ -1,4 +1,4 @@
-// Sorts the events that a sweep starts with.
+// Sorts the first events of a sweep.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace kdray::core {
 
-/// Keeps its scratch memory: two events a reference. One thread at a time.
+/// Keeps its scratch memory: two events for each reference. For one thread at a time.
 class EventSorter {
  public:
   /// Replaces *events by those of the references on one axis, sorted; a reference's slot is its

@@ -1,4 +1,4 @@
-// What the parts of a kd-tree build share, and what a node hands down to its children.
+// The common data of a kd-tree build's parts, and the tasks that a node gives to its children.
 #pragma once
 
 #include <algorithm>
@@ -15,10 +15,10 @@
 
 namespace kdray::core {
 
-/// How much a subtree may grow to. A leaf weighs its triangles, a small one kLeafWeight
-/// (KdBuildLimits), so that nodes are bounded too. Every split divides its node's budget between
-/// the children in proportion to their weight: a shared counter would make the tree depend on which
-/// thread comes first.
+/// The size limit of a subtree. The weight of a leaf is its number of triangles, at least
+/// kLeafWeight (KdBuildLimits), so the number of nodes is bounded too. Every split divides its
+/// node's budget between the children in proportion to their weight. With a shared counter instead,
+/// the tree would depend on the order of threads.
 class WeightBudget {
  public:
   explicit WeightBudget(std::uint64_t weight = 0) : weight_(weight) {}
@@ -26,14 +26,14 @@ class WeightBudget {
   bool Allows(std::size_t below, std::size_t above) const {
     return WeightOf(below) + WeightOf(above) <= weight_;
   }
-  /// The stricter rule for the large nodes at the top: three eighths of the budget at most. It
-  /// keeps the references that wait to be split, seven times as large as those in a finished leaf,
-  /// to three a triangle.
+  /// The stricter rule for the large nodes at the top: at most three eighths of the budget. It
+  /// limits the references that wait to be split, which are seven times as large as those in a
+  /// finished leaf, to three per triangle.
   bool AllowsAtTop(std::size_t below, std::size_t above) const {
     return WeightOf(below) + WeightOf(above) <= weight_ / 8 * 3;
   }
 
-  /// The part of a node's whole that falls to the below child.
+  /// The below child's fraction of the node.
   static double BelowPart(std::size_t below, std::size_t above) {
     const double b = static_cast<double>(WeightOf(below));
     return b / (b + static_cast<double>(WeightOf(above)));
@@ -55,7 +55,7 @@ class WeightBudget {
   std::uint64_t weight_;
 };
 
-/// What all parts of one build share.
+/// The common data of one build.
 struct KdBuildContext {
   const TriangleMesh& mesh;
   KdSplitRule rule;
@@ -71,7 +71,7 @@ struct KdBuildTask {
   WeightBudget budget;
   double share = 1;  ///< of the whole build's progress
 
-  /// The children's tasks; only when the budget allows them.
+  /// The children's tasks; only if the budget allows them.
   std::pair<KdBuildTask, KdBuildTask> Divide(const SplitPlane& plane, std::size_t below,
                                              std::size_t above) const {
     const auto [below_budget, above_budget] = budget.Divide(below, above);

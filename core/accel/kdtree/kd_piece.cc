@@ -8,7 +8,7 @@ namespace kdray::core {
 
 namespace {
 
-// A subtree's nodes and primitives; or where they begin.
+// The numbers of a subtree's nodes and primitives, or their first positions.
 struct Size {
   std::size_t nodes = 0;
   std::size_t primitives = 0;

@@ -1,4 +1,4 @@
-// A kd-tree in the making: subtrees built apart from each other, and how they become one.
+// The parts of an unfinished kd-tree: subtrees that are built separately, then assembled.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@
 
 namespace kdray::core {
 
-/// A subtree in the layout of KdTree, with positions that count from its own beginning.
+/// A subtree in the layout of KdTree, with positions relative to its beginning.
 struct KdPiece {
   std::vector<KdNode> nodes;
   std::vector<Bounds3f> node_bounds;
@@ -32,18 +32,18 @@ struct KdPiece {
     node_bounds.emplace_back();
     return nodes.size() - 1;
   }
-  /// To be called between the children: the next node is the above child.
+  /// Call between the children: the next node is the above child.
   void EndBelow(std::size_t interior, const SplitPlane& plane) {
     nodes[interior] =
         KdNode::Interior(plane.axis, plane.position, static_cast<std::uint32_t>(nodes.size()));
   }
-  /// To be called when both children are there.
+  /// Call when both children are complete.
   void EndInterior(std::size_t interior) {
     Bounds3f bounds = node_bounds[interior + 1];
     bounds.Extend(node_bounds[nodes[interior].above_child()]);
     node_bounds[interior] = bounds;
   }
-  /// The last `count` primitives that were pushed make a leaf.
+  /// Makes a leaf of the last `count` primitives that were pushed.
   void EndLeaf(std::size_t count, const Bounds3f& bounds) {
     nodes.push_back(KdNode::Leaf(static_cast<std::uint32_t>(primitives.size() - count),
                                  static_cast<std::uint32_t>(count)));
@@ -51,15 +51,16 @@ struct KdPiece {
   }
 };
 
-/// The upper part of a tree, whose nodes are built in parallel: a cut with two halves, or a piece.
+/// The upper part of a tree, whose nodes are built in parallel: a split with two halves, or a
+/// piece.
 struct KdUpperNode {
   SplitPlane plane;
   std::unique_ptr<KdUpperNode> below, above;  ///< both or none
-  KdPiece piece;                              ///< when there are none
+  KdPiece piece;                              ///< if there are no children
 };
 
-/// Puts the pieces together, depth first, into *tree, and frees each. In parallel. *tree is
-/// anything once the monitor says stop.
+/// Assembles the pieces, depth first, into *tree, and frees them. In parallel. *tree is unspecified
+/// if the monitor stops.
 void Assemble(KdUpperNode* root, BuildMonitor* monitor, KdTree* tree);
 
 }  // namespace kdray::core

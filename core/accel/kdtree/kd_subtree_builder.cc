@@ -6,7 +6,7 @@ namespace kdray::core {
 
 namespace {
 
-// Nodes below this size do not ask whether the build was cancelled.
+// Smaller nodes do not check for cancellation.
 constexpr std::size_t kPollReferences = 4096;
 
 }  // namespace
@@ -30,7 +30,7 @@ std::optional<SplitCandidate> KdSubtreeBuilder::FindSplit(std::span<const Primit
     case KdSplitRule::kBinned:
       if (references.size() <= SahCost::kBlock) return std::nullopt;
       if (!facts->counts) facts->counts.emplace(references, facts->bounds, &context_.monitor);
-      // Then chunks may have been left out, and the counts mean nothing.
+      // Then chunks may be missing, and the counts are invalid.
       if (references.size() > kReferenceChunk && context_.monitor.ShouldStop()) return std::nullopt;
       return facts->counts->FindSplit(task.cell, context_.cost);
     case KdSplitRule::kCyclic:
@@ -83,7 +83,7 @@ void KdSubtreeBuilder::BuildNode(std::size_t count, const KdBuildTask& task, Nod
     return;
   }
 
-  // The below child comes first in memory, so it goes on top. The above child's references stay
+  // The below child comes first in memory, so its references go on top. The above child's stay
   // where their parent's were.
   if (below_.size() < count) {
     below_.resize(count);

@@ -15,7 +15,7 @@
 
 namespace kdray::core {
 
-/// Keeps scratch memory between subtrees: at most the budget of the largest, in references. One
+/// Keeps scratch memory between subtrees: at most the budget of the largest, in references. For one
 /// thread at a time.
 class KdSubtreeBuilder {
  public:
@@ -26,19 +26,19 @@ class KdSubtreeBuilder {
 
   KdPiece Build(std::span<const PrimitiveRef> references, const KdBuildTask& task);
 
-  /// What is known of a node's references; it holds as well after empty space was cut off the cell.
+  /// Facts about a node's references; they stay true when empty space is cut off the cell.
   struct NodeFacts {
     Bounds3f bounds;                     ///< the union of theirs
     std::optional<BinnedCounts> counts;  ///< made when it is first needed
   };
 
-  /// Where the rule cuts a node with these references; nothing when it should be a leaf. The budget
-  /// is the caller's to check.
+  /// The rule's split of a node with these references; nullopt if it should be a leaf. The caller
+  /// checks the budget.
   std::optional<SplitCandidate> FindSplit(std::span<const PrimitiveRef> references,
                                           const KdBuildTask& task, NodeFacts* facts);
 
  private:
-  // The node's references are the uppermost `count` on the stack; they are gone afterwards.
+  // The node's references are the uppermost `count` on the stack, which are removed.
   void BuildNode(std::size_t count, const KdBuildTask& task);
   void BuildNode(std::size_t count, const KdBuildTask& task, NodeFacts* facts);
   void EmitLeaf(std::span<const PrimitiveRef> references, const Bounds3f& bounds,
@@ -47,9 +47,9 @@ class KdSubtreeBuilder {
   const KdBuildContext& context_;
   SweepBuilder sweep_;
   CentroidSplitFinder note_;
-  std::vector<PrimitiveRef> stack_;  // as large as it ever was; stack_size_ of it in use
+  std::vector<PrimitiveRef> stack_;  // never shrinks; stack_size_ entries are in use
   std::size_t stack_size_ = 0;
-  std::vector<PrimitiveRef> below_, cut_;  // only while a node is split
+  std::vector<PrimitiveRef> below_, cut_;  // used only while a node is split
   KdPiece piece_;
 };
 

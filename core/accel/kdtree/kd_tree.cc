@@ -10,8 +10,8 @@ namespace kdray::core {
 
 namespace {
 
-// The order of KdTree::nodes, checked and walked with one entry a level: a node's below child comes
-// next, its above child after the whole below subtree.
+// An entry of the stack that walks KdTree::nodes, one per level: a node's below child comes next,
+// its above child after the whole below subtree.
 struct PendingAbove {
   std::uint32_t node;
   std::uint32_t depth;
@@ -71,8 +71,8 @@ Result<std::vector<TreeCell>> KdTree::Cells(std::uint32_t depth, std::size_t lim
   std::vector<TreeCell> cells;
   if (bounds.IsEmpty()) return cells;
 
-  // A depth-first layout makes the leaves below a node one range of nodes, up to `end`: sums over
-  // it need no second walk.
+  // In the depth-first layout, the leaves below a node are one range of nodes, up to `end`, so sums
+  // need no second walk.
   CancelPoll poll(cancel);
   std::vector<Entry> pending = {{0, 0, bounds}};
   while (!pending.empty()) {

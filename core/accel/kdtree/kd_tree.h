@@ -1,4 +1,5 @@
-// The kd-tree of all four kd builds, and the lecture note's Algorithm 2 to walk it.
+// The kd-tree of all four kd builds, and its traversal (George Tang, "Acceleration Structures",
+// 2019, Algorithm 2).
 #pragma once
 
 #include <algorithm>
@@ -21,8 +22,8 @@ namespace kdray::core {
 
 /// Immutable once built; safe from many threads at once. Coordinates are the mesh's local ones.
 struct KdTree {
-  /// No tree is deeper: builders stop there, and the traversal's stack has one entry a level.
-  /// Checked again when a stored tree is loaded (Validate).
+  /// The largest depth: builders stop there, and the traversal's stack has one entry per level.
+  /// Validate checks it.
   static constexpr int kMaxDepth = 64;
 
   Bounds3f bounds =
@@ -30,11 +31,10 @@ struct KdTree {
   HugeVector<KdNode> nodes;  ///< depth first; [0] is the root; never empty
   HugeVector<PrimitiveId> primitives;  ///< the leaves' triangles
 
-  /// For each node what its part of the triangles fills: the union, over the leaves below, of the
-  /// bounds of each triangle clipped to the leaf's cell; empty where there is none. Every common
-  /// point of a triangle and a leaf's closed cell that names it lies in the bounds of the leaf and
-  /// of all nodes above it. What a cell is culled by when tighter boxes than the cell are wanted.
-  /// Not stored on disk; may be dropped (then empty).
+  /// For each node, tighter bounds than its cell: the union, over the leaves below, of the bounds
+  /// of each triangle clipped to the leaf's cell; empty without triangles. Every common point of a
+  /// triangle and the closed cell of a leaf that names it lies in the bounds of the leaf and of all
+  /// nodes above it. Not stored on disk; may be dropped (then empty).
   HugeVector<Bounds3f> node_bounds;
 
   std::uint64_t bytes() const {
@@ -52,8 +52,8 @@ struct KdTree {
   template <class Visit, class OnNode>
   void Traverse(const LocalRay& ray, double pad, const Visit& visit, const OnNode& on_node) const;
 
-  /// The nodes at `depth` and the leaves above it, depth first; at most `limit`, then
-  /// kInvalidArgument. Errors: kCancelled, kDeadlineExceeded. O(nodes).
+  /// The nodes at `depth` and the leaves above it, depth first; kInvalidArgument if there are more
+  /// than `limit`. Errors: kCancelled, kDeadlineExceeded. O(nodes).
   Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit,
                                       const CancelToken& cancel = {}) const;
 

@@ -30,7 +30,7 @@ class KdTreeBuilder {
 
     KdTree tree;
     const Bounds3f bounds = UnionBounds(references, &monitor_);
-    // Then some references were never written.
+    // Then some references may be uninitialised.
     if (monitor_.ShouldStop()) return monitor_.Finish().error();
     tree.bounds = bounds;
     // Node positions have 30 bits.

@@ -7,9 +7,9 @@
 
 namespace kdray::core {
 
-/// Counts and the expected cost of a random ray, from one walk over the finished tree: each
-/// interior node costs a traversal step, each leaf its triangles, weighed by the probability that a
-/// ray through the tree's bounds meets its cell. O(nodes). Anything once `cancel` says stop.
+/// Counts and the expected cost of a random ray, from one walk over the finished tree. Each
+/// interior node costs a traversal step, each leaf its triangles, weighted by the probability that
+/// a ray through the tree's bounds meets its cell. O(nodes). Unspecified if `cancel` stops.
 TreeStats ComputeStats(const KdTree& tree, const SahCost& cost, const CancelToken& cancel = {});
 
 }  // namespace kdray::core

@@ -10,7 +10,8 @@ ClippedHalves CutReference(const TriangleMesh& mesh, const PrimitiveRef& referen
                            const Bounds3f& cell, const SplitPlane& plane) {
   const TriangleIndices& corners = mesh.triangles()[reference.id];
   return mesh.VisitVertices([&](auto vertices) {
-    // Clip to the cell rather than to the reference's bounds: its faces are fewer, and exact.
+    // Clips to the cell instead of the reference's bounds, because the cell's faces are fewer and
+    // exact.
     return ClippedHalfBounds(
         std::array{vertices[corners[0]], vertices[corners[1]], vertices[corners[2]]}, cell,
         reference.bounds, plane.axis, plane.position);
@@ -29,7 +30,7 @@ SideCounts CountSides(std::span<const PrimitiveRef> references, const SplitCandi
 
 namespace {
 
-// Large meshes do not fit the caches: asks early for what the next references will need.
+// Large meshes do not fit the caches: prefetches the corners of the next references.
 void PrefetchCorners(const TriangleMesh& mesh, std::span<const PrimitiveRef> next) {
   constexpr std::size_t kIndicesAhead = 8;
   constexpr std::size_t kVerticesAhead = 4;
@@ -42,7 +43,7 @@ void PrefetchCorners(const TriangleMesh& mesh, std::span<const PrimitiveRef> nex
   });
 }
 
-// yes where `which` is 1, no where it is 0: without a branch, which a compiler may make of ?:.
+// `yes` if `which` is 1, `no` if it is 0: without the branch that a compiler may make of ?:.
 PrimitiveRef* Choose(unsigned which, PrimitiveRef* yes, PrimitiveRef* no) {
   const std::uintptr_t a = reinterpret_cast<std::uintptr_t>(yes);
   const std::uintptr_t b = reinterpret_cast<std::uintptr_t>(no);
@@ -54,7 +55,7 @@ PrimitiveRef* Choose(unsigned which, PrimitiveRef* yes, PrimitiveRef* no) {
 SideCounts Distribute(const TriangleMesh& mesh, std::span<const PrimitiveRef> references,
                       const Bounds3f& cell, const SplitCandidate& split, PrimitiveRef* below,
                       PrimitiveRef* above, PrimitiveRef* cut) {
-  // Each is written once, to a place that is computed: branches could not be foretold.
+  // Each reference is written once, to a computed address, because branches would be unpredictable.
   PrimitiveRef* below_end = below;
   PrimitiveRef* above_end = above;
   PrimitiveRef* cut_end = cut;
@@ -86,21 +87,21 @@ SideCounts Distribute(const TriangleMesh& mesh, std::span<const PrimitiveRef> re
 
 namespace {
 
-// Where a chunk of the work puts its references, and how many of those places it does not need,
-// since clipping left nothing.
+// The places for a chunk's references, and the number of unused ones, because clipping left
+// nothing.
 struct Places {
   std::size_t first = 0;
   std::size_t count = 0;
   std::size_t used = 0;
-  Bounds3f bounds;  // of what is in them
+  Bounds3f bounds;  // of the references in them
 };
 
-// Moves references from the end into the places that are not used. What is moved depends on the
-// chunks alone, and there are few of them.
+// Moves references from the end into unused places. The moves depend only on the chunks, and are
+// few.
 std::size_t CloseGaps(std::span<const Places> chunks, PrimitiveRef* references) {
   std::size_t total = 0;
   for (const Places& places : chunks) total += places.used;
-  auto source = chunks.rbegin();  // of what lies behind `total`
+  auto source = chunks.rbegin();  // of the references after `total`
   std::size_t left = 0;           // in that chunk
   if (!chunks.empty()) left = source->used;
   for (const Places& places : chunks) {
@@ -123,8 +124,9 @@ void Finish(std::span<const Places> chunks, Share* share) {
 void DistributeInParallel(const TriangleMesh& mesh, std::span<const PrimitiveRef> references,
                           const Bounds3f& cell, const SplitCandidate& split, Share* below,
                           Share* above, BuildMonitor* monitor) {
-  // Each chunk gets the places that CountSides() promises; the gaps that clipping leaves are closed
-  // at the end. A chunk that the monitor left out has no places, and is left out below as well.
+  // Each chunk gets the number of places that CountSides() returns; gaps that clipping leaves are
+  // closed at the end. A chunk that was skipped because the monitor stopped has no places, and is
+  // skipped below too.
   const std::size_t chunks = ReferenceChunks(references.size());
   std::vector<Places> below_places(chunks), above_places(chunks);
   ForEachReferenceChunk(references, monitor,
@@ -142,7 +144,7 @@ void DistributeInParallel(const TriangleMesh& mesh, std::span<const PrimitiveRef
 
   const auto note = [](std::size_t used, Places* places, const Share& share) {
     places->used = used;
-    // While they are in the cache.
+    // Computed while the references are in the cache.
     places->bounds = UnionBounds(std::span(share.references).subspan(places->first, used));
   };
   ForEachReferenceChunk(

@@ -4,7 +4,7 @@ namespace kdray::core {
 
 SplitProbability::SplitProbability(const Bounds3f& cell, int axis)
     : low_(static_cast<double>(cell.min[axis])), high_(static_cast<double>(cell.max[axis])) {
-  // In double, or the area of a tiny cell would underflow.
+  // In double, because in float the area of a tiny cell would underflow.
   const Bounds3d box{Vec3d(cell.min), Vec3d(cell.max)};
   const double area = box.SurfaceArea();
   if (!(area > 0)) return;

@@ -1,4 +1,4 @@
-// Where a kd-tree node may be cut, and the choice among the places.
+// Candidate splits of a kd-tree node, and the choice among them.
 #pragma once
 
 #include <cstddef>
@@ -10,13 +10,13 @@
 
 namespace kdray::core {
 
-/// The cut: the below child has the coordinates up to `position`, the above child those from it on.
+/// The split plane: the below child has coordinates <= `position`, the above child >= `position`.
 struct SplitPlane {
   int axis = 0;
   float position = 0;
   friend bool operator==(const SplitPlane&, const SplitPlane&) = default;
 
-  /// Strictly inside: both children then have less of the cell than their parent.
+  /// Strictly inside, so both children have smaller cells than their parent.
   bool IsInside(const Bounds3f& cell) const {
     return cell.min[axis] < position && position < cell.max[axis];
   }
@@ -30,18 +30,19 @@ struct SplitPlane {
   }
 };
 
-/// A cut with its cost. Triangles that lie in the plane go to one side only; a ray that touches the
-/// plane visits both.
+/// A split with its cost. Triangles in the plane go to one side only; a ray that touches the plane
+/// visits both sides.
 struct SplitCandidate {
   SplitPlane plane;
   bool planar_below = true;
-  std::size_t below = 0;  ///< triangles that reach into the below child, as far as their bounds say
+  std::size_t below = 0;  ///< triangles whose bounds reach into the below child
   std::size_t above = 0;  ///< likewise; those that cross the plane count on both sides
   double cost = 0;
 };
 
-/// How likely a random line through `cell` is to meet the two parts that a plane makes: the ratios
-/// of surface areas. Made once per cell and axis, since most of it does not depend on the plane.
+/// The probabilities that a random line through `cell` meets the two parts at a plane: the ratios
+/// of surface areas. Made once per cell and axis, because most of the computation does not depend
+/// on the plane.
 class SplitProbability {
  public:
   SplitProbability(const Bounds3f& cell, int axis);
@@ -58,7 +59,7 @@ class SplitProbability {
   double base() const { return base_; }
   double slope() const { return slope_; }
 
-  /// False for a cell without surface: nothing is to be gained there.
+  /// False for a cell without surface area, where a split gains nothing.
   bool IsValid() const { return valid_; }
 
  private:
@@ -68,15 +69,15 @@ class SplitProbability {
   bool valid_ = false;
 };
 
-/// Keeps the cheapest of the cuts shown to it, and the first of equals: so the choice depends on
-/// their order alone.
+/// Keeps the cheapest of the considered splits, and the first of equally cheap ones. So the choice
+/// depends only on their order.
 class SplitSearch {
  public:
-  /// Only cuts that are cheaper than a leaf with `triangles` triangles count.
+  /// Considers only splits that are cheaper than a leaf with `triangles` triangles.
   SplitSearch(const SahCost& cost, const Bounds3f& cell, std::size_t triangles)
       : cost_(cost), cell_(cell), triangles_(triangles), best_cost_(cost.Subtree(triangles)) {}
 
-  /// The cuts across one axis.
+  /// The splits across one axis.
   class Axis {
    public:
     Axis(SplitSearch* search, int axis)
@@ -87,24 +88,25 @@ class SplitSearch {
     }
 
     const SplitProbability& probability() const { return probability_; }
-    /// The cell's ends, when the probability is valid.
+    /// The cell's ends, if the probability is valid.
     float low() const { return low_; }
     float high() const { return high_; }
 
-    /// A plane with so many triangles reaching below it, in it, and reaching above it; those that
-    /// cross it count twice. Planes that are not strictly inside the cell are passed over.
+    /// Considers a plane with these numbers of triangles that reach below it, lie in it, and reach
+    /// above it; triangles that cross it count twice. Skips planes that are not strictly inside the
+    /// cell.
     void Consider(float position, std::size_t below, std::size_t planar, std::size_t above) {
       if (!IsUsable(position)) return;
       Offer(position, below + planar, above, true);
       if (planar != 0) Offer(position, below, above + planar, false);
     }
 
-    /// Inside the cell is what lies between; nothing does where the cell has no surface.
+    /// Positions between the two ends are inside the cell; none is if the cell has no surface area.
     bool IsAboveCellsLowEnd(float position) const { return position > low_; }
     bool IsBelowCellsHighEnd(float position) const { return position < high_; }
 
-    /// The planes where the triangles begin and end: they cut off empty space, with all triangles
-    /// on the other side.
+    /// Considers the planes where the triangles begin and end: they cut off empty space, with all
+    /// triangles on the other side.
     void ConsiderEmptyBelow(float position) {
       if (IsUsable(position)) Offer(position, 0, search_->triangles_, false);
     }

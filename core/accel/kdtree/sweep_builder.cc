@@ -55,7 +55,7 @@ void SweepBuilder::BuildNode(std::size_t triangles, const Counts& events, const 
     return;
   }
 
-  // The references stay as they are when empty space is cut off.
+  // The references do not change when empty space is cut off.
   if (split->below == 0 || split->above == 0) {
     const auto [below, above] = task.Divide(split->plane, split->below, split->above);
     const std::size_t interior = piece_->BeginInterior();
@@ -106,8 +106,8 @@ void SweepBuilder::EmitLeaf(std::size_t triangles, const Counts& events, const K
   context_.monitor.AddDone(task.share);
 }
 
-// Decides for each reference of the node where its events go, and makes new events for those that
-// the plane cuts.
+// Determines the side of each reference's events, and makes new events for those that the plane
+// cuts.
 SideCounts SweepBuilder::AssignSides(const Counts& events, const KdBuildTask& task,
                                      const SplitCandidate& split) {
   for (std::size_t a = 0; a < 3; ++a) {
@@ -151,13 +151,13 @@ void SweepBuilder::AppendFresh(const Bounds3f& bounds, std::uint32_t slot, Event
   }
 }
 
-// Replaces the node's events by its children's, the below child's on top.
+// Replaces the node's events by its children's, with the below child's on top.
 std::pair<SweepBuilder::Counts, SweepBuilder::Counts> SweepBuilder::DivideEvents(
     const Counts& events) {
   Counts below_counts, above_counts;
   for (std::size_t a = 0; a < 3; ++a) {
-    // Both get every event; whether it stays is added to their lengths, as a branch could not be
-    // foretold.
+    // Every event is written to both lists; only the list that keeps it grows, because a branch
+    // would be unpredictable.
     kept_below_.resize(events[a] + 1);
     kept_above_.resize(events[a] + 1);
     std::size_t below = 0;

@@ -19,7 +19,8 @@ std::size_t BlocksOf(std::size_t primitives) {
   return (primitives + LeafBlock::kWidth - 1) / LeafBlock::kWidth;
 }
 
-// The binary structures under one name. Depth first: an inner node's first child is the next node.
+// A common view of the binary structures. Depth first: an interior node's first child is the next
+// node.
 class KdView {
  public:
   explicit KdView(const KdTree& tree) : tree_(tree) {}
@@ -33,7 +34,7 @@ class KdView {
   }
   const Bounds3f& Bounds(std::uint32_t i) const { return tree_.node_bounds[i]; }
 
-  // Bit k: whether a ray of octant k meets the first child of node i first.
+  // Bit k: whether a ray of octant k meets the first child of node i before the second.
   unsigned FirstIsNear(std::uint32_t i) const { return kUpward[tree_.nodes[i].axis()]; }
   // Octants whose direction is not negative along the axis.
   static constexpr unsigned kUpward[3] = {0b01010101, 0b00110011, 0b00001111};
@@ -84,16 +85,16 @@ class BoxView {
   const BoxList& box_;
 };
 
-// The cheapest forest of at most 1..8 wide subtrees that a binary subtree can become.
+// The cheapest forests of at most 1..8 wide subtrees for a binary subtree.
 struct Forest {
   std::array<float, kWidth> cost;
-  // [k]: places, of k + 1, for the first child; kWhole: the subtree is one node or leaf.
+  // [k]: the first child's places of k + 1; kWhole: the subtree is one node or leaf.
   std::array<std::uint8_t, kWidth> first;
-  std::uint8_t inside;  // as one node: places for the first child, of eight
+  std::uint8_t inside;  // as one node: the first child's places, of eight
   static constexpr std::uint8_t kWhole = 0xff;
 };
 
-// A subtree's wide nodes and blocks; or where they begin.
+// The numbers of a subtree's wide nodes and blocks, or their first positions.
 struct Size {
   std::uint32_t nodes = 0;
   std::uint32_t blocks = 0;
@@ -111,9 +112,10 @@ class Collapser {
     forests_ = std::make_unique_for_overwrite<Forest[]>(size);
     sizes_ = std::make_unique_for_overwrite<Size[]>(size);
     PlanSubtree(0, size);
-    if (monitor_.ShouldStop()) return {};  // then some plans are missing; so on below
+    if (monitor_.ShouldStop()) return {};  // some plans are missing, here and below
     wide_.bounds = Widen(binary_.Bounds(0));
-    // Counted first: so every subtree knows its place, and subtrees can be written in parallel.
+    // Counts first, so the position of every subtree is known and subtrees can be written in
+    // parallel.
     wide_.stack_size = std::max<std::uint32_t>(1, Measure(0, size));
     if (monitor_.ShouldStop()) return {};
     wide_.nodes.resize(sizes_[0].nodes);
@@ -123,7 +125,7 @@ class Collapser {
   }
 
  private:
-  // Binary nodes that are worth a task of their own.
+  // Binary nodes that are enough for a separate task.
   static constexpr std::uint32_t kTaskNodes = 8192;
 
   bool IsEmpty(std::uint32_t i) const { return binary_.IsLeaf(i) && binary_.Primitives(i).empty(); }
@@ -152,7 +154,7 @@ class Collapser {
     const std::uint32_t b = binary_.SecondChild(i);
     const std::array<float, kWidth>& cost_a = forests_[a].cost;
     const std::array<float, kWidth>& cost_b = forests_[b].cost;
-    // How `places` are best divided; each child takes one at least, but for an empty one.
+    // The best division of `places`; each child takes at least one, except an empty one.
     const std::size_t least_a = IsEmpty(a) ? 0 : 1;
     const std::size_t least_b = IsEmpty(b) ? 0 : 1;
     const auto best_division = [&](std::size_t places, float* cost) {
@@ -179,7 +181,7 @@ class Collapser {
     }
   }
 
-  // Relative to the root's, plus a little, so that flat and tiny cells have a cost too.
+  // Relative to the root's area, plus a small constant, so flat and tiny cells have a cost too.
   float AreaOf(std::uint32_t i) const {
     const Bounds3f& bounds = binary_.Bounds(i);
     const Bounds3d box{Vec3d(bounds.min), Vec3d(bounds.max)};
@@ -191,7 +193,7 @@ class Collapser {
     return RoundOutward({Vec3d(bounds.min) - pad, Vec3d(bounds.max) + pad});
   }
 
-  // The binary subtrees that become the children of one wide node, below first.
+  // The binary subtrees that become the children of one wide node, in depth-first order.
   struct Children {
     std::array<std::uint32_t, kWidth> roots;
     std::uint32_t size = 0;
@@ -213,7 +215,7 @@ class Collapser {
     Gather(binary_.SecondChild(i), places - first, children);
   }
 
-  // Some children of a wide node, back to front for each octant, four bits each as in
+  // Orders of some children of a wide node, back to front for each octant, four bits each as in
   // WideNode::order.
   struct Orders {
     std::array<std::uint32_t, 8> packed{};
@@ -223,7 +225,7 @@ class Collapser {
   Orders OrdersOf(std::uint32_t i) const {
     std::uint32_t next = 0;
     Orders orders = Divided(i, forests_[i].inside, kWidth, &next);
-    // Those that are not there lie behind the others, the last one first.
+    // Missing children come after the others in a ray's order, in descending order.
     constexpr std::uint32_t kBackward = 0x01234567;
     const std::size_t bits = 4 * (kWidth - orders.size);
     const std::uint64_t behind = kBackward & ((std::uint64_t{1} << bits) - 1);
@@ -232,7 +234,7 @@ class Collapser {
     }
     return orders;
   }
-  // `next` is the number of the next child that is met.
+  // `next` is the number of the next child.
   Orders OrdersBelow(std::uint32_t i, std::size_t places, std::uint32_t* next) const {
     if (IsEmpty(i)) return {};
     const std::uint8_t first = forests_[i].first[places - 1];
@@ -271,7 +273,7 @@ class Collapser {
     const Children children = ChildrenOf(i);
     std::array<std::uint32_t, kWidth> needs{};
     ForEachChild(children, end - i, [&](std::size_t c) {
-      // What lies between two children is empty.
+      // The nodes between two children are empty leaves.
       needs[c] = Measure(children.roots[c], c + 1 < children.size ? children.roots[c + 1] : end);
     });
     size = {1, 0};
@@ -284,8 +286,8 @@ class Collapser {
     return std::max(children.size, children.size + deepest - 1);
   }
 
-  // f(c) for each child of a wide node over so many binary nodes; a task for each where that is
-  // worth its price.
+  // f(c) for each child of a wide node over `nodes` binary nodes; in parallel tasks if there are
+  // enough nodes.
   template <class F>
   static void ForEachChild(const Children& children, std::size_t nodes, const F& f) {
     ParallelFor(0, children.size, nodes > kTaskNodes ? 1 : kWidth,
@@ -294,10 +296,10 @@ class Collapser {
                 });
   }
 
-  // Writes a subtree to its place; what a parent calls it by.
+  // Writes a subtree to its place. Returns its number for WideNode::child.
   std::uint32_t Emit(std::uint32_t i, Size place) {
     if (binary_.IsLeaf(i)) return EmitLeaf(binary_.Primitives(i), place.blocks);
-    // A wide node stands for some eight binary ones.
+    // A wide node replaces some eight binary ones.
     const std::size_t nodes = std::size_t{8} * sizes_[i].nodes;
     if (nodes > kTaskNodes && monitor_.ShouldStop()) return WideChild::kEmpty;
     const Children children = ChildrenOf(i);
@@ -360,12 +362,12 @@ class Collapser {
   const View& binary_;
   BuildMonitor& monitor_;
   std::unique_ptr<Forest[]> forests_;
-  std::unique_ptr<Size[]> sizes_;  // of the subtrees that become wide nodes or leaves
+  std::unique_ptr<Size[]> sizes_;  // by binary node, for those that become wide nodes or leaves
   WideTree wide_;
 };
 
 std::uint64_t BytesFor(std::size_t nodes, std::size_t leaves, std::size_t blocks) {
-  // A wide node has two children at least, so there are fewer of them than leaves.
+  // A wide node has at least two children, so there are fewer wide nodes than leaves.
   return nodes * (sizeof(Forest) + sizeof(Size)) + leaves * sizeof(WideNode) +
          blocks * sizeof(LeafBlock) + (std::uint64_t{4} << 20);
 }

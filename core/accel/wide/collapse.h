@@ -1,4 +1,4 @@
-// From a binary structure to its wide form.
+// Converts a binary structure to its wide form.
 #pragma once
 
 #include <cstdint>
@@ -12,18 +12,18 @@
 
 namespace kdray::core {
 
-/// The wide tree with the smallest expected cost among all that eight-wide nodes can make of the
-/// binary one: dynamic programming over how many of a node's eight places each subtree gets, a
-/// visited node costing as much as a tested block, weighed by the surface of the node's bounds.
-/// Empty leaves vanish. O(nodes) time and memory; the same for any number of threads. Needs
-/// KdTree::node_bounds. Source: Wald, Benthin, Boulos 2008 (wide nodes from binary trees); Ylitie,
-/// Karras, Laine, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 2017,
-/// section 4.1 (the dynamic program). Anything once the monitor says stop.
+/// The wide tree with the smallest expected cost among all eight-wide trees that the binary one
+/// contains. A dynamic program chooses the number of a node's eight places that each subtree gets.
+/// A visited node costs as much as a tested block, weighted by the surface area of the node's
+/// bounds. Empty leaves are dropped. O(nodes) time and memory; the same for any number of threads.
+/// Needs KdTree::node_bounds. Source: Wald, Benthin, Boulos 2008 (wide nodes from binary trees);
+/// Ylitie, Karras, Laine, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
+/// BVHs", 2017, section 4.1 (the dynamic program). Unspecified if the monitor stops.
 WideTree Collapse(const TriangleMesh& mesh, const KdTree& tree, BuildMonitor* monitor);
 WideTree Collapse(const TriangleMesh& mesh, const Bvh& bvh, BuildMonitor* monitor);
 WideTree Collapse(const TriangleMesh& mesh, const BoxList& box, BuildMonitor* monitor);
 
-/// Upper bound of the memory that Collapse takes, its result included. O(nodes).
+/// Upper bound of Collapse's memory, its result included. O(nodes).
 std::uint64_t CollapseBytes(const KdTree& tree);
 std::uint64_t CollapseBytes(const Bvh& bvh);
 std::uint64_t CollapseBytes(const BoxList& box);

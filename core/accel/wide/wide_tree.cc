@@ -21,8 +21,8 @@ bool IsPermutation(std::uint32_t order) {
 }  // namespace
 
 std::uint32_t StackSize(const WideTree& tree) {
-  // Backwards, so that children come first: a node's children lie on the stack while one of them is
-  // at work.
+  // Backwards, because children come after their parents. While one child is traversed, its
+  // siblings lie on the stack.
   std::vector<std::uint32_t> need(tree.nodes.size());
   for (std::size_t i = tree.nodes.size(); i-- > 0;) {
     std::uint32_t children = 0;

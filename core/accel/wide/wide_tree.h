@@ -1,6 +1,6 @@
-// The fast sibling of the binary structures: the same tree with up to eight children a node, laid
-// out for SIMD. Every structure has such a form (core/accel/wide/collapse.h), and the kernels of
-// core/trace know no other.
+// The form of every structure in which it is traversed: the same tree with up to eight children per
+// node, laid out for SIMD. core/accel/wide/collapse.h makes it; the kernels (core/kernel) know no
+// other form.
 #pragma once
 
 #include <algorithm>
@@ -19,14 +19,13 @@
 
 namespace kdray::core {
 
-/// By how much every box of a wide tree is larger than what it holds, on each side: the pad of the
-/// fat ray (kFloatPad), and as much as a box test in float may be off. With |origin| <= 4, |box| <=
-/// 1, the reciprocal and the origin rounded once, t = bound * inverse - origin * inverse is off by
-/// less than 21 * 2^-24 in space along its axis, fused or not; this is 32 * 2^-24. So box tests in
-/// float need no pad of their own.
+/// The enlargement of every box of a wide tree, on each side: the pad of the fat ray (kFloatPad),
+/// and the error of a box test in float. With |origin| <= 4, |box| <= 1, the reciprocal and the
+/// origin rounded once, t = bound * inverse - origin * inverse is off by less than 21 * 2^-24 in
+/// space along its axis, fused or not; this is 32 * 2^-24. So box tests in float need no other pad.
 inline constexpr double kWidePad = kFloatPad + 0x1p-19;
 
-/// What a child is: an inner node, a leaf or nothing.
+/// The kinds of a child: an interior node, a leaf or empty.
 class WideChild {
  public:
   static constexpr std::uint32_t kLeafBit = 0x80000000u;
@@ -34,8 +33,8 @@ class WideChild {
   static constexpr std::uint32_t kMaxIndex = 0x7ffffffeu;
 };
 
-/// Up to eight cells. For a kd-tree they are disjoint, each as small as what the triangles leave of
-/// it, and `order` is exact; for other structures it is a good guess.
+/// Up to eight cells. For a kd-tree they are disjoint, each reduced to the bounds of its triangles,
+/// and `order` is exact; for other structures `order` is approximate.
 struct alignas(64) WideNode {
   static constexpr std::size_t kWidth = 8;
   float low[3][kWidth];
@@ -57,29 +56,31 @@ struct alignas(64) LeafBlock {
   static constexpr std::uint32_t kLast = 0x80000000u;  ///< in id[0]: the leaf ends here
   static constexpr std::uint32_t kIdMask = 0x7fffffffu;
   float corner[3][3][kWidth];  ///< [corner][axis][lane]
-  std::uint32_t id[kWidth];    ///< kIdMask where there is none
+  std::uint32_t id[kWidth];    ///< kIdMask in a lane without a triangle
 
   bool IsLast() const { return (id[0] & kLast) != 0; }
   PrimitiveId IdOf(std::size_t lane) const { return id[lane] & kIdMask; }
 };
 static_assert(sizeof(LeafBlock) == 320);
 
-/// Immutable once made; safe from many threads at once. Coordinates are the mesh's local ones.
+/// Immutable once built; safe from many threads at once. Coordinates are the mesh's local ones.
 struct WideTree {
-  Bounds3f bounds = Bounds3f::Empty();  ///< of everything, kWidePad larger; empty without triangles
+  Bounds3f bounds =
+      Bounds3f::Empty();  ///< of all triangles, kWidePad larger; empty without triangles
   std::uint32_t root = WideChild::kEmpty;  ///< as WideNode::child
-  std::uint32_t stack_size = 0;  ///< entries a traversal needs that pushes all children of a node
-  HugeVector<WideNode> nodes;    ///< parents before their children
+  std::uint32_t stack_size =
+      0;                       ///< stack entries of a traversal that pushes all children of a node
+  HugeVector<WideNode> nodes;  ///< parents before their children
   HugeVector<LeafBlock> blocks;
 
   std::uint64_t bytes() const {
     return nodes.size() * sizeof(WideNode) + blocks.size() * sizeof(LeafBlock);
   }
 
-  /// Walks the leaves that the fat ray meets, roughly front to back: what every kernel does, for
-  /// one ray, in double and in plain words. visit(span<const PrimitiveId>) tests a block's
-  /// triangles and returns the local parameter beyond which the caller needs nothing more, as in
-  /// KdTree::Traverse. go_on() is asked before each node and each block, and ends the walk by
+  /// Walks the leaves that the fat ray meets, roughly front to back: the plain form of every
+  /// kernel, for one ray and in double. visit(span<const PrimitiveId>) tests a block's triangles
+  /// and returns the local parameter beyond which the caller needs nothing more, as in
+  /// KdTree::Traverse. go_on() is called before each node and each block, and ends the walk by
   /// returning false.
   template <class Visit, class GoOn>
   void Traverse(const LocalRay& ray, double pad, const Visit& visit, const GoOn& go_on) const;
@@ -93,7 +94,7 @@ struct WideTree {
 template <class Visit, class GoOn>
 void WideTree::Traverse(const LocalRay& ray, double pad, const Visit& visit,
                         const GoOn& go_on) const {
-  // The boxes are padded already; only rays from very far away need more (ExactIntersection::pad).
+  // The boxes are padded already; only a larger `pad` needs more (ExactIntersection::pad).
   const double more = std::max(0.0, pad - kFloatPad);
   double limit = std::numeric_limits<double>::infinity();
   const LocalInterval search = SearchInterval(ray);
@@ -148,7 +149,8 @@ void WideTree::Traverse(const LocalRay& ray, double pad, const Visit& visit,
   }
 }
 
-/// The entries that a traversal of these nodes needs at most. Children follow their parents.
+/// The largest number of stack entries of a traversal of these nodes. Children must follow their
+/// parents.
 std::uint32_t StackSize(const WideTree& tree);
 
 }  // namespace kdray::core

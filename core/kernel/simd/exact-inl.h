@@ -24,17 +24,16 @@
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// What double arithmetic knows of four triangles.
+/// Decisions of double arithmetic on four triangles.
 struct ExactDecision {
   unsigned outside;        ///< lanes that are certainly not hit
-  unsigned inside;         ///< lanes that are certainly hit; for the others the rest
-                           ///< says nothing
+  unsigned inside;         ///< lanes that are certainly hit; for the others the bounds are invalid
   double low[4], high[4];  ///< bounds of the exact local parameter of LocalRay
 };
 
-/// A ray as ExactIntersection sees it, in vectors of triangles.
+/// ExactIntersection's form of a ray, for vectors of triangles.
 struct ExactRay : RoundedRay {
-  std::uint32_t axis;                  // along which the direction is longest
+  std::uint32_t axis;                  // of the direction's largest component
   double inverse;                      // of that component
   double product_error, origin_error;  // see Decide
 
@@ -45,7 +44,7 @@ struct ExactRay : RoundedRay {
     SetErrors();
   }
 
-  /// The same for a ray that PrepareUsual has taken.
+  /// The same for a ray of PrepareUsual.
   KDRAY_INLINE void BeginUsual(const GivenRay& given, const FrameVectors& frame,
                                const LocalRay& local, const CullRay& cull) {
     direction = local.direction;
@@ -53,7 +52,7 @@ struct ExactRay : RoundedRay {
     const DoubleDouble4 moved = TwoDifference4(given.from, frame.origin);
     const D4 low = moved.low * Set4(frame.scale);
     const D4 size = Abs(low);
-    // What scaling may take away by underflow counts for nothing beside kUnderflow.
+    // Underflow in scaling is negligible beside kUnderflow.
     origin_low = {low[0], low[1], low[2]};
     origin_error = 0;
     origin_rounding = std::max({size[0], size[1], size[2]});
@@ -85,18 +84,19 @@ struct ExactRay : RoundedRay {
       return MulAdd(Set4(direction.x), x, MulAdd(Set4(direction.y), y, Set4(direction.z) * z));
     };
     const D4 a = volume_of(at[1], at[2]), b = volume_of(at[2], at[0]), c = volume_of(at[0], at[1]);
-    // The last term: nothing that follows underflows where a sum of volumes is beyond it.
+    // The last term: if a sum of volumes is larger, nothing below underflows.
     const D4 error = MulAdd(MulAdd(Set4(product_error), m, Set4(origin_error)), m, Set4(0x1p-900));
     const D4 least = Min(Min(a, b), c);
     const D4 most = Max(Max(a, b), c);
-    // NaN, from errors without bound, is neither.
+    // NaN, from unbounded errors, is neither.
     decision->outside = Bits(L4((least < -error) & (most > error)));
     decision->inside = Bits(L4((least > error) | (most < -error)));
     if (decision->inside == 0) return;
 
-    // Where all signs are certain, the hit's parameter s is the volumes' weighted mean of the
-    // corners' along[i]. An error in a volume moves it by no more than that error's part of the sum
-    // times the distance between the corners' parameters, and the three errors are less than error
+    // If all signs are certain, the hit's parameter s is the mean of the corners' along[i],
+    // weighted by the volumes. An error in a volume moves it by at most the error's fraction of the
+    // sum, times the distance between the corners' parameters, and the three errors are less than
+    // error
     // * 3 / 4; each parameter is off by 4 units and the origin's rounding; the mean's own
     // arithmetic adds some 8 units, and the bounds one each. All that, doubled; the last term is
     // for underflow. No parameter is beyond m, since the direction's longest component is at least
@@ -125,9 +125,9 @@ struct ExactRay : RoundedRay {
   }
 };
 
-/// ExactIntersection, four triangles at once, as long as double arithmetic leaves no doubt about a
-/// sign or about which t is smaller. The first doubt hands the ray to the ScalarSearch, which from
-/// then on gets every triangle that may be hit.
+/// ExactIntersection on four triangles at once, while double arithmetic is certain about all signs
+/// and about the smaller t. At the first doubt the ray goes to the ScalarSearch, which then gets
+/// every triangle that may be hit.
 template <class Stored>
 struct ExactSearch {
   using Answers = ExactAnswers;
@@ -197,14 +197,14 @@ struct ExactSearch {
     row = at;
     exponent = local.exponent;
   }
-  /// RoundedRay::BoundOf for a ray that was not moved.
+  /// RoundedRay::BoundOf for a ray whose origin was not moved.
   static RoundedRay::Bound BoundOf(double t) {
     const double room = std::copysign(0x1p-48, t);
     return {t * (1 - room), t * (1 + room)};
   }
 
   enum class Verdict { kCloser, kNotCloser, kDoubt };
-  /// How a triangle that is certainly hit compares with the best so far, and with the interval.
+  /// Compares a triangle that is certainly hit with the best so far, and with the interval.
   KDRAY_INLINE Verdict Compare(double low, double high, PrimitiveId id) const {
     if (id == best_id || (found && low > best_high)) return Verdict::kNotCloser;
     if (high < t_min.low || low > t_max.high) return Verdict::kNotCloser;

@@ -1,5 +1,4 @@
-// The hits of the precision `exact`: t and the weights as RoundedRay finds them, for four rays at
-// once.
+// The hits of the precision `exact`: RoundedRay's t and weights for four rays at once.
 #pragma once
 
 #include <bit>
@@ -93,7 +92,7 @@ KDRAY_INLINE BoundedNumber4 Ratio4(const BoundedNumber4& numerator,
   return {ratio, Set4(2) * (numerator.error + Abs(ratio.high) * denominator.error) /
                      Abs(denominator.value.high)};
 }
-/// Returns the lanes where the bound leaves only one nearest double.
+/// Returns the lanes whose bound leaves only one nearest double.
 KDRAY_INLINE unsigned RoundTo4(const DoubleDouble4& x, D4 error, D4* rounded) {
   *rounded = x.high + (x.low - error);
   return Bits(L4(*rounded == x.high + (x.low + error)));

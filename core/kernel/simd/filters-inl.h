@@ -1,5 +1,5 @@
-// Which of a block's eight triangles a ray may hit: filters in float that never drop one which the
-// leaf test accepts.
+// Filters in float for a block's eight triangles; they never drop a triangle that the triangle
+// intersection accepts.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,8 @@
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// A block's corners as a ray sees them, running along the third axis through (0, 0): the same
-/// operations as WatertightIntersection<float>::Project.
+/// A block's corners in a ray's coordinates, where the ray runs along the third axis through (0,
+/// 0): the same operations as WatertightIntersection<float>::Project.
 struct ProjectedBlock {
   F8 x[3], y[3], z[3];
 };
@@ -64,8 +64,8 @@ KDRAY_INLINE unsigned FilterRelaxed(const CullRay& ray, const LeafBlock& block) 
               LessEqual(Max(Max(w.a, w.b), w.c) - slack, zero));
 }
 
-/// A block's triangles, made ready to be tested for many rays: a filter that never drops what a
-/// leaf test accepts.
+/// A block's triangles, prepared for many rays: a filter that never drops a triangle that the
+/// triangle intersection accepts.
 ///
 /// With edges b and c from corner a, n = b x c, a ray from o along d, f = o - a, and w = f x d, the
 /// ray meets the plane at s = f.n / D, where u = c.w / D, v = -b.w / D, and D = -d.n (Moeller and
@@ -112,7 +112,7 @@ struct BlockFilter {
     const F8 wz = MulSub(fx, dy, fy * dx);
     const F8 along = MulAdd(dx, n[0], MulAdd(dy, n[1], dz * n[2]));
     const F8 size = Abs(along);
-    // All three times the sign of -D, whose size is left to divide by.
+    // All three times the sign of -D; its absolute value is the divisor.
     const I8 sign = I8(along) & SetI8(0x80000000u);
     const auto turned = [&](F8 x) KDRAY_LAMBDA { return F8(I8(x) ^ sign); };
     const F8 minus_u = turned(MulAdd(c[0], wx, MulAdd(c[1], wy, c[2] * wz)));

@@ -1,6 +1,6 @@
-// The frustum: a packet of 64 rays from one origin, or towards one target, goes through the tree as
-// one. Nodes are culled for all of them by intervals, triangles for each group of 16 by rectangles,
-// then for each ray by edges; what is left are pairs, tested 16 at a time.
+// The frustum kernel: takes a packet of 64 rays from one origin, or towards one target, through the
+// tree as one. Nodes are culled for all rays by intervals, triangles for each group of 16 rays by
+// rectangles, then for each ray by edges; the remaining pairs are tested 16 at a time.
 #pragma once
 
 #include <algorithm>
@@ -23,21 +23,20 @@
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// The lanes of a block whose triangles each group may hit.
+/// For each group, the lanes of a block whose triangles it may hit.
 struct LanesByGroup {
   unsigned of[FrustumRays::kGroups];
   unsigned any;
 };
-/// A block's corners, seen from the packet's origin, along the packet's axes.
+/// A block's corners relative to the packet's origin, along the packet's axes.
 struct CornersFromOrigin {
   F8 at[3][3];  // [corner][axis]
 };
 
-/// By the triangles' rectangles in the plane of shears.
-/// Every leaf test decides on points that are within kFloatPad of the ray and of the triangle.
-/// Where the triangle is z away that is kFloatPad / z in shear, times what a ray's direction is
-/// longer than its z; rounding here is off by 2^-21 of a shear, below 1. A triangle that reaches
-/// behind the origin has no rectangle.
+/// By the triangles' rectangles in the plane of shears. Every leaf test decides on points that are
+/// within kFloatPad of the ray and of the triangle. Where the triangle is z away that is kFloatPad
+/// / z in shear, times what a ray's direction is longer than its z; rounding here is off by 2^-21
+/// of a shear, below 1. A triangle that reaches behind the origin has no rectangle.
 KDRAY_INLINE LanesByGroup FilterRectangles(const FrustumRays& rays,
                                            const CornersFromOrigin& corners, unsigned active) {
   constexpr float kMargin = static_cast<float>(4 * kFloatPad);
@@ -73,9 +72,9 @@ KDRAY_INLINE LanesByGroup FilterRectangles(const FrustumRays& rays,
   return lanes;
 }
 
-/// The triangles of a block as the packet sees them. A test's edge function is linear in the ray's
-/// shear once a corner is seen from the packet's middle. `slack` is twice what FilterRelaxed
-/// allows, for both evaluations.
+/// The triangles of a block in the packet's coordinates. A test's edge function is linear in the
+/// ray's shear, relative to the packet's middle. `slack` is twice what FilterRelaxed allows, for
+/// both evaluations.
 struct FrustumEdges {
   alignas(32) float middle[3][8], by_x[3][8], by_y[3][8], slack[8];
 
@@ -121,7 +120,7 @@ KDRAY_INLINE void PrefetchNext(const LeafBlock& block) {
   for (int line = 0; line < 5; ++line) __builtin_prefetch(at + 64 * line);
 }
 
-/// One packet's way through the tree, a node or a leaf at a time.
+/// One packet's traversal, a node or a leaf at a time.
 template <class Hits>
 class Frustum {
  public:
@@ -132,7 +131,7 @@ class Frustum {
     child_ = memory_.data() + capacity_;
   }
 
-  /// Takes rows [first, first + 64), when they are such a packet.
+  /// Takes rows [first, first + 64) if they form such a packet.
   bool Begin(std::size_t first) {
     if (!rays_.Gather(job_, first)) return false;
     first_ = first;
@@ -145,9 +144,9 @@ class Frustum {
     return true;
   }
 
-  /// False when nothing is left to do, or when it was given up: with so many triangles in sight
-  /// that few of them are larger than the distance between rays, single rays are faster; or when
-  /// the job's poll has stopped.
+  /// False when the packet is done, abandoned, or the job's poll has stopped. It is abandoned when
+  /// it meets so many triangles that few are larger than the distance between rays; then single
+  /// rays are faster.
   KDRAY_INLINE bool Step() {
     if (job_.poll->Spend(kStepWork)) return false;
     if ((current_ & WideChild::kLeafBit) == 0) {
@@ -168,8 +167,8 @@ class Frustum {
     return false;
   }
 
-  /// Writes the answers. Rows to be traced alone are appended to `alone`, whatever was answered for
-  /// them. False when all are.
+  /// Writes the answers. Rows to trace alone are appended to `alone`, even if they have an answer.
+  /// False if all are.
   bool End(std::vector<std::uint32_t>* alone) {
     if (work_ > Hits::kMostWork) {
       hits_.alone = FrustumRays::kAll;
@@ -186,12 +185,12 @@ class Frustum {
   }
 
  private:
-  // What a block of triangles counts as (CancelPoll), for the whole packet.
+  // Work (CancelPoll) of a block of triangles, for the whole packet.
   static constexpr std::uint64_t kPacketBlockWork = 512;
 
   KDRAY_INLINE void StepDown(const WideNode& node) {
-    // Planes by the octant; near planes are divided by the largest reciprocal or the smallest,
-    // whichever is nearer.
+    // Planes by the octant; near planes are multiplied by the largest or the smallest reciprocal,
+    // whichever gives the nearer t.
     const auto bound = [&](int axis, bool far) KDRAY_LAMBDA {
       const bool negative = (rays_.octant >> axis & 1u) != 0;
       return Load(negative != far ? node.high[axis] : node.low[axis]);
@@ -243,7 +242,7 @@ class Frustum {
     }
   }
 
-  // Lists in place of nested loops, as their branches could not be foretold.
+  // Lists instead of nested loops, whose branches would be unpredictable.
   KDRAY_INLINE void TestBlock(const LeafBlock& block, std::uint32_t number,
                               const LanesByGroup& lanes, const CornersFromOrigin& corners) {
     constexpr std::size_t kGroups = FrustumRays::kGroups;
@@ -276,7 +275,7 @@ class Frustum {
   }
 
   KDRAY_INLINE void TestPairs(const RayTrianglePairs& pairs) {
-    // Places beyond the last pair hold anything.
+    // Places after the last pair are unspecified.
     Corners16 corners;
     for (int c = 0; c < 3; ++c) {
       for (std::uint32_t k = 0; k < 3; ++k) {
@@ -317,7 +316,7 @@ class Frustum {
   Hits hits_;
 };
 
-/// Asks for the memory of a packet's answers, and of the next packet's rays.
+/// Prefetches a packet's answers, and the next packet's rays.
 inline void PrefetchRows(const KernelJob& job, std::size_t first, std::size_t last) {
   for (std::size_t i = first; job.hits != nullptr && i < first + FrustumRays::kRays; i += 2) {
     __builtin_prefetch(&job.hits[RowAt(job, i)], 1);
@@ -328,7 +327,7 @@ inline void PrefetchRows(const KernelJob& job, std::size_t first, std::size_t la
   }
 }
 
-/// Packets of 64 where there are any; the other rays by `rest`.
+/// Traces packets of 64 where possible, the other rays by `rest`.
 template <class Hits>
 void TraceFrustum(const KernelJob& job, std::size_t first, std::size_t last, KernelFunction rest) {
   std::vector<std::uint32_t> others;
@@ -339,7 +338,7 @@ void TraceFrustum(const KernelJob& job, std::size_t first, std::size_t last, Ker
   };
   if (job.tree->root != WideChild::kEmpty) {
     const auto packet = std::make_unique<Frustum<Hits>>(job);
-    // After a packet that was none, or too much work, some are passed over.
+    // After rays that did not form a packet, or took too much work, some are skipped.
     unsigned pass_over = 0;
     unsigned next_pass = 1;
     for (; first + FrustumRays::kRays <= last; first += FrustumRays::kRays) {

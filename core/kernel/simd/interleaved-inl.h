@@ -1,6 +1,6 @@
-// Interleaved rays: 16 of them in flight, each on its own way through the tree, a step each in
-// turn. A single ray waits for memory and for mispredicted branches at every step; with 16 the
-// waits overlap. For rays that have nothing in common.
+// The interleaved kernel: keeps 16 rays in flight and advances each by one step in turn. A single
+// ray waits for memory and mispredicted branches at every step; with 16 rays the waits overlap. For
+// unrelated rays.
 #pragma once
 
 #include <algorithm>
@@ -23,7 +23,7 @@
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// Writes the answer of a ray that no search was needed for.
+/// Writes the answer of a ray that needs no search.
 KDRAY_INLINE void AnswerWithoutSearch(const KernelJob& job, std::size_t row, bool valid) {
   if (job.hits != nullptr) {
     job.hits[row] = Hit{};
@@ -33,7 +33,7 @@ KDRAY_INLINE void AnswerWithoutSearch(const KernelJob& job, std::size_t row, boo
   }
 }
 
-/// Begins the search of a ray that PrepareUsual has taken.
+/// Begins the search of a ray of PrepareUsual.
 template <class Search>
 KDRAY_INLINE void BeginUsualSearch(const KernelJob& job, const FrameVectors& frame,
                                    const LocalRay& usual, std::size_t row, Search* search) {
@@ -44,7 +44,7 @@ KDRAY_INLINE void BeginUsualSearch(const KernelJob& job, const FrameVectors& fra
   }
 }
 
-/// Begins a row's search. False when the row has its answer already: it cannot be, or does not meet
+/// Begins a row's search. False if the row has its answer already: it is invalid, or does not meet
 /// the mesh's box.
 template <class Search>
 KDRAY_INLINE bool BeginSearch(const KernelJob& job, const FrameVectors& frame, std::size_t row,
@@ -142,12 +142,12 @@ class Interleaved {
     }
   }
 
-  // Takes the next item off the slot's stack, or the next ray.
+  // Takes the next entry of the slot's stack, or the next ray.
   KDRAY_INLINE void Continue(std::uint32_t index) {
     Slot& slot = slots_[index];
     while (slot.size != 0) {
       --slot.size;
-      // Boxes are padded, so what lies below on the stack may begin earlier.
+      // Boxes are padded, so lower entries of the stack may begin earlier.
       if (slot.enter[slot.size] > slot.search.cull.exit) continue;
       slot.current = slot.child[slot.size];
       Enqueue(index, slot.current);
@@ -163,7 +163,7 @@ class Interleaved {
 
   KDRAY_INLINE void Enqueue(std::uint32_t index, std::uint32_t child) {
     if (job_.prefetch) PrefetchChild(tree_, child);
-    // Both lists get it, one keeps it: a branch could not be foretold.
+    // Written to both lists, but only one grows, because a branch would be unpredictable.
     const std::uint32_t is_leaf = child >> 31;
     inner_[inner_size_] = index;
     leaf_[leaf_size_] = index;

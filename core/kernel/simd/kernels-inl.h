@@ -43,7 +43,7 @@ KernelFunction Find(KernelKind kernel, Precision precision, bool double_vertices
       return FindFrustum<WatertightPacketHits, WatertightSearch>(any);
     }
   }
-  // The other precisions have no frustum of their own.
+  // The other precisions have no frustum kernel.
   if (kernel == KernelKind::kFrustum) kernel = KernelKind::kInterleaved;
   switch (precision) {
     case Precision::kFast:

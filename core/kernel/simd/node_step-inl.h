@@ -13,7 +13,7 @@
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// Where the ray enters the node's children, and which it meets, the farthest first.
+/// The ray's entries into the node's children, and the children that it meets, farthest first.
 struct NodeStep {
   F8 enter;
   I8 child;
@@ -50,7 +50,7 @@ KDRAY_INLINE NodeStep Intersect(const WideNode& node, const CullRay& ray) {
 }
 
 KDRAY_INLINE void PrefetchChild(const WideTree& tree, std::uint32_t child) {
-  // Without a branch, which could not be foretold.
+  // Without a branch, which would be unpredictable.
   const bool is_leaf = (child & WideChild::kLeafBit) != 0;
   const char* base = is_leaf ? reinterpret_cast<const char*>(tree.blocks.data())
                              : reinterpret_cast<const char*>(tree.nodes.data());

@@ -1,5 +1,5 @@
-// Packets for the frustum: 64 rays from one origin that stay close together, side by side; or
-// towards one target, as shadow rays to a lamp, which are then seen from there.
+// Packets of the frustum kernel: 64 close rays from one origin; or towards one target, as shadow
+// rays to a lamp, which is then treated as the origin.
 #pragma once
 
 #include <algorithm>
@@ -28,14 +28,14 @@ inline float FloatBelow(double x) {
 }
 inline float FloatAbove(double x) { return -FloatBelow(-x); }
 
-/// Where a packet's rays lie: ray i of the rows at place PlaceOf(i). A group is 16 places. Four
-/// rays in a row stay together, so both orders are given by fours.
+/// The order of a packet's rays: ray i of the rows is at place PlaceOf(i). A group is 16 places.
+/// Four rays in a row stay together, so both orders are given by fours.
 struct PacketOrder {
   std::uint8_t place_of_four[16];
 
   std::size_t PlaceOf(std::size_t ray) const { return place_of_four[ray / 4] + ray % 4; }
 };
-/// As they come.
+/// The given order.
 inline constexpr PacketOrder kInARow = {
     {0, 4, 8, 12, 16, 20, 24, 28, 32, 36, 40, 44, 48, 52, 56, 60}};
 /// For tiles of 8 x 8 pixels, row by row: groups of 4 x 4.
@@ -43,7 +43,7 @@ inline constexpr PacketOrder kTiled = {
     {0, 16, 4, 20, 8, 24, 12, 28, 32, 48, 36, 52, 40, 56, 44, 60}};
 
 /// All arrays are by place. All rays have one local origin (not moved), or nearly one target; one
-/// octant, one largest axis. Where they share a target, it is what culls call the origin.
+/// octant, one largest axis. With a common target, culls use the target as the origin.
 struct FrustumRays {
   static constexpr std::size_t kRays = 64;
   static constexpr std::size_t kGroups = kRays / 16;
@@ -52,18 +52,18 @@ struct FrustumRays {
   alignas(64) float direction[3][kRays];  // as FastIntersection has it
   alignas(64) float shear[2][kRays];      // as WatertightIntersection<float> has it
   alignas(64) float offset[2][kRays];     // shear - shear_middle
-  alignas(64) float exit[kRays];          // how far each reaches from the origin, rounded outward
+  alignas(64) float exit[kRays];          // the end of each ray from the origin, rounded outward
   // The caller's interval, rounded inward: exact for float s.
   alignas(64) float s_min[kRays], s_max[kRays];
   alignas(64) float scale[kRays];  // direction / the caller's direction: a power of two
   double frame_scale;              // 2^MeshFrame::exponent
 
   bool shares_target;
-  alignas(64) float own_origin[3][kRays];  // where a target is shared
+  alignas(64) float own_origin[3][kRays];  // with a common target
 
-  Vec3d origin_double;  // the shared one
+  Vec3d origin_double;  // the common origin
   Vec3f origin;
-  // Of the way from the shared origin.
+  // Of the directions from the common origin.
   std::uint32_t octant;
   float inverse_low[3], inverse_high[3];
   float enter;  // of the whole packet
@@ -73,18 +73,18 @@ struct FrustumRays {
   float group_low[2][kGroups], group_high[2][kGroups];  // of `shear`
   const PacketOrder* order;
 
-  /// Whether the 64 rays of these rows are such a packet; fills everything in if so. A target is
-  /// looked for where only "any" is asked: then nothing depends on the end to begin from.
+  /// Whether the 64 rays of these rows form such a packet; fills everything in if so. A common
+  /// target is used only for "any", for which the direction of traversal does not matter.
   bool Gather(const KernelJob& job, std::size_t first);
 
-  /// As the leaf tests have it, of the rays at 16 places.
+  /// The triangle intersections' origins of the rays at 16 places.
   KDRAY_INLINE F16 OriginAt(std::uint32_t its_axis, const std::uint32_t* place) const {
     return shares_target ? LookUp64(own_origin[its_axis], place)
                          : Set16(origin[static_cast<int>(its_axis)]);
   }
 
-  /// The lanes whose s, between `low` and `high`, is for certain in the interval of the ray at a
-  /// place, or out of it; `place` has 16.
+  /// The lanes whose s, between `low` and `high`, is certainly in the interval of the ray at a
+  /// place, or certainly outside; `place` has 16.
   KDRAY_INLINE unsigned IsInside(F16 low, F16 high, const std::uint32_t* place) const {
     if (whole_lines_) {
       return Bits(LessEqual(Set16(0), low) &
@@ -108,7 +108,7 @@ struct FrustumRays {
   }
 
  private:
-  // Of each ray, as the caller gave it.
+  // Each ray as given.
   struct Given {
     alignas(32) double origin[3][kRays], t_min[kRays], t_max[kRays];
   };
@@ -163,7 +163,8 @@ inline void FrustumRays::ChooseAxes(const Vec3d& d) {
 }
 
 inline bool FrustumRays::Gather(const KernelJob& job, std::size_t first) {
-  // Cheap doubts first: most packets that are none differ in their ends.
+  // Cheap checks first: most sets of rays that do not form a packet differ in their first and last
+  // ray.
   const Ray one = job.rays[RowAt(job, first)];
   const Ray other = job.rays[RowAt(job, first + kRays - 1)];
   shares_target = !(one.origin == other.origin);
@@ -171,7 +172,7 @@ inline bool FrustumRays::Gather(const KernelJob& job, std::size_t first) {
     if (job.occluded == nullptr) return false;
     const Vec3d apart =
         (one.origin + one.direction * one.t_max) - (other.origin + other.direction * other.t_max);
-    // FindTarget looks closer.
+    // FindTarget checks more precisely.
     if (!(MaxAbs(apart) * PowerOfTwo(-job.mesh->frame().exponent) < 0x1p-20)) return false;
   }
   ChooseAxes(one.direction);
@@ -269,8 +270,8 @@ inline bool FrustumRays::GatherDoubles(const KernelJob& job, std::size_t first, 
   return usual == 0xfu;
 }
 
-/// False unless all have one octant, one largest axis by more than rounding could hide, no
-/// component that a cull would treat as parallel, and directions close enough.
+/// False unless all rays have one octant, one largest axis by more than rounding, no component that
+/// a cull treats as parallel, and close directions.
 inline bool FrustumRays::FindRanges() {
   unsigned usual = 0xffffu;
   for (std::size_t k = 0; k < 2; ++k) {
@@ -303,7 +304,7 @@ inline bool FrustumRays::FindRanges() {
     }
     const float a = *std::min_element(group_low[k], group_low[k] + kGroups);
     const float b = *std::max_element(group_high[k], group_high[k] + kGroups);
-    // Wide packets would visit most of the tree.
+    // Packets with a wide angle would visit most of the tree.
     if (b - a > 0.25f) return false;
     shear_middle[k] = 0.5f * (a + b);
     shear_reach[k] = 0.5f * (b - a) + 0x1p-21f;
@@ -328,7 +329,7 @@ inline bool FrustumRays::FindIntervals(const KernelJob& job, std::size_t first) 
     if (!(ray.t_min <= ray.t_max)) return false;
     const std::size_t place = order->PlaceOf(i);
     const double to_caller = static_cast<double>(scale[place]) * frame_scale;
-    // Scaling by a power of two is exact unless it leaves the normal range.
+    // Scaling by a power of two is exact within the normal range.
     const double low = ray.t_min / to_caller;
     const double high = ray.t_max / to_caller;
     if ((std::fabs(low) < 0x1p-900 && ray.t_min != 0) ||
@@ -343,9 +344,9 @@ inline bool FrustumRays::FindIntervals(const KernelJob& job, std::size_t first) 
   return true;
 }
 
-/// Whether all rays end at one point, but for so little that the pads of culls have room for it:
-/// box tests here are off by less than 17 * 2^-24, of the 32 that kWidePad allows them; rectangles
-/// count it among their margins; edge functions have their slack.
+/// Whether all rays end at one point, within the margins of culls: box tests here have errors below
+/// 17 * 2^-24, of the 32 that kWidePad allows; rectangles include it in their margins; edge
+/// functions have their slack.
 inline bool FrustumRays::FindTarget(const MeshFrame& frame, const Given& given) {
   constexpr double kApart = 0x1p-21;
   const FrameVectors vectors(frame);
@@ -360,7 +361,7 @@ inline bool FrustumRays::FindTarget(const MeshFrame& frame, const Given& given) 
     const D4 high = Load4(given.t_max + i) / to_caller;
     StoreF4(Narrow(low), s_min + i);
     StoreF4(Narrow(high), s_max + i);
-    // Only what floats hold, and not infinity.
+    // Only numbers that floats represent, without infinity.
     usual &= Bits(L4(Widen4(s_min + i) == low)) & Bits(L4(Widen4(s_max + i) == high)) &
              Bits(L4(low <= high)) & Bits(L4(Abs(low) <= Set4(0x1p20))) &
              Bits(L4(Abs(high) <= Set4(0x1p20)));

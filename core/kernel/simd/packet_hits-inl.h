@@ -1,5 +1,5 @@
-// What a packet's rays have found so far, and the leaf tests on 16 lanes, each a ray and a
-// triangle: the rays of a group with one triangle, or any 16 pairs.
+// The hits of a packet's rays, and the triangle intersections on 16 lanes, each a pair of a ray and
+// a triangle.
 #pragma once
 
 #include <algorithm>
@@ -26,13 +26,13 @@ struct Corners16 {
   F16 at[3][3];
 };
 
-/// How far along its ray each lane is hit: between `low` and `high`, unless that is not certain.
+/// Bounds of the hit's parameter in each lane, where certain.
 struct AlongRay {
   unsigned accepted, certain;
   F16 low, high;
 };
 
-/// 16 pairs of a ray and a triangle of one block, or as many as `lanes` has bits.
+/// Up to 16 pairs of a ray and a triangle of one block; one for each bit of `lanes`.
 struct RayTrianglePairs {
   const std::uint32_t* place;  // of the ray
   const std::uint32_t* lane;   // of the triangle
@@ -46,15 +46,14 @@ struct RayTrianglePairs {
   std::uint32_t slot;  // of its first triangle: its number times 8
 };
 
-/// What both precisions share; arrays are by place, and have one place more for what is not wanted.
-/// A ray whose hit the packet cannot place for certain leaves it: it is
-/// traced alone in the end.
+/// The common part of both precisions. Arrays are by place, with an extra place for discarded
+/// writes. A ray whose closest hit is uncertain leaves the packet and is traced alone at the end.
 struct PacketHits {
   static constexpr std::size_t kRays = FrustumRays::kRays;
-  /// Blocks, and triangles with a group, beyond which single rays are faster.
+  /// Blocks, and triangles with a group, above which single rays are faster.
   static constexpr std::size_t kMostWork = 800;
   std::uint64_t alone = 0;
-  alignas(64) std::uint32_t found[kRays + 1];  // kNoPrimitive where nothing was
+  alignas(64) std::uint32_t found[kRays + 1];  // kNoPrimitive without a hit
 
   void Begin() {
     alone = 0;
@@ -65,8 +64,8 @@ struct PacketHits {
   std::uint64_t done() const { return alone; }
 };
 
-/// Hits of four rays, from columns to rows, to where the rays came from: `four` counts them in
-/// fours.
+/// Stores the hits of four rays, transposed from columns to rows, at the rays' rows; `four` is the
+/// number of the four.
 KDRAY_INLINE void StoreHits(const KernelJob& job, std::size_t first, const PacketOrder& order,
                             std::size_t four, D4 t, D4 u, D4 v, const std::uint32_t* found) {
   static_assert(sizeof(Hit) == 32 && offsetof(Hit, primitive_id) == 24);
@@ -100,7 +99,7 @@ struct FastPacketHits : PacketHits {
   KDRAY_INLINE static const float* RayRow(const FrustumRays& rays, int k) {
     return rays.direction[k];
   }
-  /// Beyond which nothing is wanted, by place.
+  /// The exits, by place.
   const float* exits() const { return s; }
 
   struct Lanes {
@@ -159,8 +158,7 @@ struct FastPacketHits : PacketHits {
       const std::uint32_t i = pairs.place[k];
       const PrimitiveId number = numbers[k];
       const bool taken = (s_of[k] < s[i]) | ((s_of[k] == s[i]) & (number < found[i]));
-      // Without a branch, which could not be foretold: what is not taken goes to a place that
-      // nobody reads.
+      // Without an unpredictable branch: discarded results go to a place that is never read.
       const std::uint32_t to = taken ? i : kRays;
       s[to] = s_of[k];
       u[to] = u_of[k];
@@ -178,16 +176,16 @@ struct FastPacketHits : PacketHits {
     for (std::size_t four = 0; four < kRays / 4; ++four) {
       const std::size_t place = rays.order->place_of_four[four];
       StoreHits(job, first, *rays.order, four,
-                // + 0 makes 0 of -0, which an origin on the triangle's plane may give.
+                // + 0 turns -0, the result for an origin on the triangle's plane, into 0.
                 Widen4(s + place) * (Widen4(rays.scale + place) * Set4(rays.frame_scale)) + zero,
                 Widen4(u + place) + zero, Widen4(v + place) + zero, found);
     }
   }
 };
 
-/// The closest hits of 64 rays by WatertightIntersection<float>. The float arithmetic says exactly
-/// which triangles are hit; their s, a matter of double, it knows to within an error that it
-/// bounds. That decides all but a few rays; the s of the winners is computed at the end.
+/// The closest hits of 64 rays by WatertightIntersection<float>. Float arithmetic decides exactly
+/// which triangles are hit, and bounds their s, which is defined in double. That decides all except
+/// a few rays; the s of the winners is computed at the end.
 struct WatertightPacketHits : PacketHits {
   static constexpr Precision kPrecision = Precision::kWatertight;
   // Around the s of the closest hit so far.
@@ -259,11 +257,10 @@ struct WatertightPacketHits : PacketHits {
       const std::uint32_t i = pairs.place[k];
       const PrimitiveId number = numbers[k];
       const bool taken = ((certain >> k & 1u) != 0) & (high_of[k] < low[i]);
-      // The same triangle again, from another leaf, is no tie.
+      // The same triangle from another leaf is not a tie.
       const bool open = !taken & !(high[i] < low_of[k]) & (found[i] != number);
       LeaveAlone(i, open ? 1 : 0);
-      // Without a branch, which could not be foretold: what is not taken goes to a place that
-      // nobody reads.
+      // Without an unpredictable branch: discarded results go to a place that is never read.
       const std::uint32_t to = taken ? i : kRays;
       low[to] = low_of[k];
       high[to] = high_of[k];
@@ -279,8 +276,8 @@ struct WatertightPacketHits : PacketHits {
   }
 
   void Finish(const KernelJob& job, std::size_t first, const FrustumRays& rays) {
-    // Each ray with the triangle that it found; all corners first, as what was just stored a number
-    // at a time is slow to load as a vector.
+    // Each ray with its triangle; all corners are stored first, because loading a vector just after
+    // storing its numbers one by one is slow.
     alignas(64) float corner[3][3][kRays] = {};
     for (std::size_t i = 0; i < kRays; ++i) {
       if (found[i] == kNoPrimitive) continue;
@@ -313,11 +310,12 @@ struct WatertightPacketHits : PacketHits {
   }
 };
 
-/// Whether each of 64 rays hits anything, by the leaf test of ClosestHits.
+/// Whether each of 64 rays hits anything, by the triangle intersection of ClosestHits.
 template <class ClosestHits>
 struct AnyPacketHits {
   static constexpr Precision kPrecision = ClosestHits::kPrecision;
-  /// Few: lit rays see everything on their way, and the stream's rays stop at the first hit.
+  /// Few: rays to a visible lamp test everything on their way, while the stream kernel's rays stop
+  /// at the first hit.
   static constexpr std::size_t kMostWork = 100;
   std::uint64_t alone = 0;
   std::uint64_t occluded = 0;

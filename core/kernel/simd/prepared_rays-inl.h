@@ -1,4 +1,4 @@
-// Rays made ready together, lane by lane what rays-inl.h does for one.
+// Prepares rays together, in lanes as rays-inl.h does for one.
 #pragma once
 
 #include <cstddef>
@@ -14,7 +14,7 @@
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// By place. What belongs to places outside `usual` means nothing.
+/// By place. Data of places outside `usual` is invalid.
 struct PreparedRays {
   static constexpr std::size_t kRays = 64;
 
@@ -27,7 +27,7 @@ struct PreparedRays {
   alignas(32) std::int64_t exponent[kRays];
   std::uint64_t usual;  ///< the places that PrepareUsual takes
 
-  /// The first `count` places; some behind them are overwritten.
+  /// The first `count` places; some after them are overwritten.
   void Prepare(const RayBatch& rays, const FrameVectors& frame, const std::size_t (&rows)[kRays],
                std::size_t count) {
     usual = 0;
@@ -36,7 +36,7 @@ struct PreparedRays {
     for (std::size_t i = 0; i < count; i += 8) PrepareBoxesOfEight(i);
   }
 
-  /// A place's ray, and what of its CullRay is not in the arrays only.
+  /// A place's ray, and its CullRay.
   KDRAY_INLINE LocalRay Extract(std::size_t k, CullRay* cull) const {
     LocalRay local;
     for (int axis = 0; axis < 3; ++axis) {
@@ -52,7 +52,7 @@ struct PreparedRays {
     local.t_max = t_max[k];
     return local;
   }
-  /// A ray that was made ready by itself.
+  /// Inserts a ray that was prepared by itself.
   void Insert(std::size_t k, const CullRay& cull) {
     for (int axis = 0; axis < 3; ++axis) {
       origin[axis][k] = cull.origin[axis];
@@ -93,7 +93,7 @@ struct PreparedRays {
     Transpose4(to);
     const D4 zero = Set4(0);
     const D4 largest = Max(Max(Abs(to[0]), Abs(to[1])), Abs(to[2]));
-    // NaN fails every comparison, and a component that is not finite leaves NaN here.
+    // NaN fails every comparison, and a component that is not finite gives NaN here.
     L4 taken = (from[3] <= to[3]) & (largest > Set4(0x1p-400)) & (largest < Set4(0x1p400));
     // The largest component's exponent, and its powers of two, by their bits.
     const L4 power = L4(largest) & 0x7ff0000000000000;

@@ -15,14 +15,14 @@
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// Everything a single ray needs on its way through the tree, but for its stack.
+/// The data of a single ray's traversal, except its stack.
 struct CullRay {
-  // Three each; the fourth makes them whole vectors.
+  // Three components each; the fourth completes the vector.
   float inverse[4];         // of the direction; no zero, no infinity
   float origin_inverse[4];  // origin * inverse
   float enter;  // the search interval, local parameters, rounded outward; `exit` shrinks
   float exit;
-  // Bytes from a node's beginning to the planes that the ray meets first, and last.
+  // Byte offsets in a node of the planes that the ray meets first, and last.
   std::uint32_t near_plane[4];
   std::uint32_t far_plane[4];
   std::uint32_t octant;
@@ -60,10 +60,10 @@ KDRAY_INLINE float OutwardHigh(double x) {
   return f + (__builtin_fabsf(f) * 0x1p-22f + 0x1p-40f);
 }
 
-/// What the box tests need, from the local origin and direction.
+/// Computes the constants of box tests from the local origin and direction.
 KDRAY_INLINE void PrepareBoxes(F4 origin, F4 direction, CullRay* ray) {
-  // So small a component moves the ray by nothing within the mesh; a finite reciprocal keeps NaN
-  // out of the box tests.
+  // Such a small component does not move the ray within the mesh; a finite reciprocal avoids NaN in
+  // box tests.
   const F4 sign = F4(U4(direction) & U4{0x80000000u, 0x80000000u, 0x80000000u, 0x80000000u});
   const F4 size = F4(U4(direction) & U4{0x7fffffffu, 0x7fffffffu, 0x7fffffffu, 0x7fffffffu});
   const F4 tiny = {0x1p-60f, 0x1p-60f, 0x1p-60f, 0x1p-60f};
@@ -99,7 +99,7 @@ inline void Prepare(const LocalRay& local, CullRay* ray) {
 /// The mesh's frame in vectors.
 struct FrameVectors {
   D4 origin;
-  double scale;  // 2^-exponent; 0 where that is too extreme for PrepareUsual
+  double scale;  // 2^-exponent; 0 if it is too extreme for PrepareUsual
   int exponent;
 
   explicit FrameVectors(const MeshFrame& frame)
@@ -119,10 +119,10 @@ KDRAY_INLINE GivenRay LoadRay(const RayBatch& rays, std::size_t row) {
   return {Load4(&rays.doubles()[row].origin.x), Load4(&rays.doubles()[row].direction.x)};
 }
 
-/// What MakeLocalRay and Prepare make, bit for bit but for the interval's float ends, for the usual
-/// ray: a valid one that begins near the mesh and has no extreme numbers; without
-/// LocalRay::inverse, which only traversals in double use. False for all others, which then take
-/// the long way.
+/// The results of MakeLocalRay and Prepare, bit for bit except for the interval's float ends, for
+/// usual rays: valid ones that begin near the mesh, without extreme numbers. LocalRay::inverse,
+/// which only traversals in double use, is not set. False for other rays, which use the scalar
+/// functions.
 KDRAY_INLINE bool PrepareUsual(const RayBatch& rays, std::size_t row, const FrameVectors& frame,
                                LocalRay* local, CullRay* cull) {
   if (frame.scale == 0) return false;
@@ -131,7 +131,7 @@ KDRAY_INLINE bool PrepareUsual(const RayBatch& rays, std::size_t row, const Fram
   const D4 size = Abs(to);
   const double largest = std::max({size[0], size[1], size[2]});
   const D4 zero = Set4(0);
-  // NaN fails every comparison, and a component that is not finite leaves NaN here.
+  // NaN fails every comparison, and a component that is not finite gives NaN here.
   const unsigned finite = Bits(L4((to - to) == zero)) & Bits(L4(Abs(origin) <= Set4(4)));
   if ((finite & 7u) != 7u || !(from[3] <= to[3])) return false;
   if (!(largest > 0x1p-400 && largest < 0x1p400)) return false;
@@ -150,8 +150,8 @@ KDRAY_INLINE bool PrepareUsual(const RayBatch& rays, std::size_t row, const Fram
   return true;
 }
 
-/// What the filters of projected triangles need besides; the quotients are as
-/// WatertightIntersection's.
+/// Computes the constants of the filters of projected triangles; the quotients are those of
+/// WatertightIntersection.
 inline void PrepareShear(const LocalRay& local, CullRay* ray) {
   const double x = std::fabs(local.direction.x);
   const double y = std::fabs(local.direction.y);

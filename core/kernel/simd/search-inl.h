@@ -1,6 +1,6 @@
-// One ray's search for its hit, up to the decision on a block of triangles. A search is used for
-// one ray after the other: Begin, Test for each block that the ray meets, with the lanes that may
-// be hit, then its Answers::Add, which may hold the hit back until Answers::Flush.
+// One ray's search for its hit: the decisions on blocks of triangles. A search is reused for one
+// ray after the other: Begin; Test for each block that the ray meets, with the lanes that may be
+// hit; then its Answers::Add, which may delay the hit until Answers::Flush.
 #pragma once
 
 #include <array>
@@ -23,7 +23,7 @@
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// What the searches share that have a vector form of their leaf test: RoundedOrder and
+/// The common part of searches with a vector form of their triangle intersection: RoundedOrder and
 /// ClosestSearch in plain numbers.
 struct RoundedSearch {
   static constexpr bool kBeginsUsual = false;  ///< whether there is a BeginUsual
@@ -61,7 +61,7 @@ struct RoundedSearch {
     // RoundedOrder::Limit.
     cull.exit = std::min(cull.exit, RoundedUp(s + std::fabs(shift) * 0x1p-50));
   }
-  /// For the few triangles that the vector form leaves open.
+  /// For the few triangles that the vector form does not decide.
   __attribute__((noinline)) void DecideByScalar(const KernelJob& job, PrimitiveId id) {
     job.poll->Spend(4 * job.scalar->work());
     const Ray ray = job.rays[row];
@@ -131,8 +131,8 @@ struct FastSearch : RoundedSearch {
   }
 };
 
-/// The second half of the watertight test, on four triangles at once: weights and parameter as the
-/// unrounded ray sees them.
+/// The second half of the watertight test on four triangles at once: weights and parameter for the
+/// unrounded ray.
 struct DoubleDecision {
   double s[4], u[4], v[4];
   unsigned inside;  ///< lanes where the ray is inside, and s is finite
@@ -227,7 +227,8 @@ struct WatertightSearch : RoundedSearch {
   }
 };
 
-/// Four triangles' coordinates as the mesh has them; the first form is for blocks that hold them.
+/// Four triangles' coordinates as stored in the mesh; the first form is for blocks that contain
+/// them.
 struct BlockCorners {
   const LeafBlock& block;
   unsigned first;
@@ -253,7 +254,7 @@ struct GatheredCorners {
 };
 
 /// Calls visit(corner_at, ids, four) for the candidates, up to four together, with one of the two
-/// above; only the lanes in `four` count.
+/// above; only the lanes in `four` are valid.
 template <class Stored, class Visit>
 KDRAY_INLINE void VisitFours(const KernelJob& job, const LeafBlock& block, unsigned candidates,
                              const Visit& visit) {

@@ -1,7 +1,7 @@
-// A stream: up to 64 rays of one octant, each with an origin of its own, that go through the tree
-// together. A node is looked at once for all of them, and so is a block of triangles, but each ray
-// has its own test of the eight boxes, or of the eight triangles. For rays that are alike but share
-// nothing, as shadow rays of neighbouring pixels, or shuffled ones that were sorted.
+// The stream kernel: takes up to 64 rays of one octant, with different origins, through the tree
+// together. A node or a block of triangles is loaded once for all rays, but each ray tests the
+// eight boxes or the eight triangles by itself. For similar rays without a common origin, such as
+// shadow rays of neighbouring pixels, or sorted ones.
 #pragma once
 
 #include <algorithm>
@@ -46,16 +46,16 @@ class Stream {
 
  private:
   static constexpr std::size_t kRays = PreparedRays::kRays;
-  // What a node, or a block of triangles, counts as (CancelPoll) for up to so many rays.
+  // Work (CancelPoll) of a node, or a block of triangles, for all rays.
   static constexpr std::uint64_t kTogetherWork = 256;
-  static constexpr float kFar = 0x1p100f;  // for infinity, which BlockFilter does not take
+  static constexpr float kFar = 0x1p100f;  // instead of infinity, which BlockFilter does not accept
 
   // Rows whose rays have one octant.
   struct Queue {
     std::size_t row[kRays];
     std::size_t size = 0;
   };
-  // As Prepare finds it.
+  // As computed by Prepare.
   KDRAY_INLINE unsigned OctantOf(std::size_t row) const {
     const auto signs = [](const auto& d) KDRAY_LAMBDA {
       return static_cast<unsigned>(std::signbit(d.x)) |
@@ -91,9 +91,9 @@ class Stream {
     queue.size = 0;
   }
 
-  // The rays that are to be searched for; the others have their answers.
+  // Returns the rays that need a search; the others have their answers.
   std::uint64_t Begin(Queue* queue) {
-    // Fours are made ready together.
+    // Rays are prepared four at a time.
     for (std::size_t k = queue->size; k % 4 != 0; ++k) queue->row[k] = queue->row[0];
     rays_.Prepare(job_.rays, frame_, queue->row, queue->size);
     const std::uint64_t all = ~std::uint64_t{0} >> (64 - queue->size);
@@ -118,7 +118,7 @@ class Stream {
     return searched;
   }
 
-  void Traverse(unsigned octant, std::uint64_t live) {  // live: rays that still want an answer
+  void Traverse(unsigned octant, std::uint64_t live) {  // live: rays without a final answer
     std::size_t size = 0;
     Push(-std::numeric_limits<float>::infinity(), tree_.root, live, size++);
     while (size != 0) {
@@ -158,7 +158,7 @@ class Stream {
     return negative != far ? node.high[axis] : node.low[axis];
   }
 
-  // Pushes the children that rays meet, the farthest first.
+  // Pushes the children that rays meet, farthest first.
   KDRAY_INLINE std::size_t StepTogether(const WideNode& node, unsigned octant, std::uint64_t active,
                                         std::size_t size) {
     F8 near_planes[3], far_planes[3];
@@ -183,7 +183,7 @@ class Stream {
     for (std::size_t i = 0; i < WideNode::kWidth; ++i, order >>= 4) {
       const std::uint32_t c = order & 7u;
       const std::uint64_t rays = BitOfBytes(met, c) & active;
-      // Written in any case, kept if met: a branch could not be foretold.
+      // Always written, kept if met: a branch would be unpredictable.
       Push(-std::numeric_limits<float>::infinity(), node.child[c], rays, size);
       size += rays != 0 ? 1 : 0;
     }
@@ -219,7 +219,7 @@ class Stream {
         const float direction[3] = {rays_.direction[0][k], rays_.direction[1][k],
                                     rays_.direction[2][k]};
         const unsigned lanes = filter.Lanes(origin, direction, rays_.enter[k], rays_.exit[k]);
-        // Written in any case, kept if there are any: a branch could not be foretold.
+        // Always written, kept if there are any: a branch would be unpredictable.
         candidates[count] = {static_cast<std::uint8_t>(k), static_cast<std::uint8_t>(lanes)};
         count += lanes != 0 ? 1 : 0;
       }
@@ -241,11 +241,11 @@ class Stream {
   const WideTree& tree_;
   const FrameVectors frame_;
   // The stack.
-  std::vector<float> enter_;           // where the first ray enters, if it is the only one
+  std::vector<float> enter_;           // entry of the first ray, if it is the only one
   std::vector<std::uint32_t> child_;   // what
   std::vector<std::uint64_t> active_;  // a bit for each ray
   Queue queues_[8];
-  // Of the rays under way.
+  // The current rays.
   PreparedRays rays_;
   Search search_[kRays];
   typename Search::Answers answers_;

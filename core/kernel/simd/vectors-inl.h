@@ -1,8 +1,8 @@
 // Vectors of 8 and 16 floats and 8 doubles, the widths of the data (WideNode, LeafBlock, packets of
-// rays), on whatever the target has: one register, two, or four.
+// rays), in one, two or four registers of the target.
 //
-// Every operation is the plain IEEE one on each lane, but for MulAdd, MulSub and NegMulAdd, which
-// may or may not be fused: they are for culling and bounds only.
+// Every operation is the plain IEEE one on each lane, except MulAdd, MulSub and NegMulAdd, which
+// may be fused: they are only for culling and bounds.
 #pragma once
 
 #include <bit>
@@ -62,7 +62,7 @@ KDRAY_INLINE F8 Permute(F8 v, I8 index) {
 KDRAY_INLINE I8 Permute(I8 v, I8 index) {
   return I8(_mm256_permutevar8x32_epi32(__m256i(v), __m256i(index)));
 }
-/// Lane k: bits 4k.. of `packed`, of which Permute looks at three.
+/// Lane k: bits 4k.. of `packed`, of which Permute uses three.
 KDRAY_INLINE I8 UnpackOrder(std::uint32_t packed) {
   return I8(_mm256_srlv_epi32(_mm256_set1_epi32(static_cast<int>(packed)),
                               _mm256_setr_epi32(0, 4, 8, 12, 16, 20, 24, 28)));
@@ -296,7 +296,7 @@ KDRAY_INLINE M16 NotEqual(F16 a, F16 b) {
 KDRAY_INLINE M16 operator&(M16 a, M16 b) { return {_kand_mask16(a.bits, b.bits)}; }
 KDRAY_INLINE M16 operator|(M16 a, M16 b) { return {_kor_mask16(a.bits, b.bits)}; }
 KDRAY_INLINE unsigned Bits(M16 m) { return m.bits; }
-/// Where bits are set `a`, elsewhere `b`.
+/// `a` in the lanes of set bits, `b` in the others.
 KDRAY_INLINE F16 Select(unsigned bits, F16 a, F16 b) {
   return F16(_mm512_mask_blend_ps(static_cast<__mmask16>(bits), __m512(b), __m512(a)));
 }
@@ -427,7 +427,7 @@ KDRAY_INLINE float Largest(F16 v) {
 
 // ---- Sixty-four bytes ----
 
-/// Bit k of the answer: the given bit of bytes[k].
+/// Bit k of the result is the given bit of bytes[k].
 KDRAY_INLINE std::uint64_t BitOfBytes(const std::uint8_t* bytes, unsigned bit) {
 #if defined(KDRAY_ISA_AVX512)
   return _mm512_test_epi8_mask(_mm512_loadu_si512(bytes),
