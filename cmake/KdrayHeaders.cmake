@@ -3,6 +3,13 @@
 
 add_custom_target(check-headers)
 
+# The source that checks a header of the current folder.
+function(kdray_header_check_source header source)
+  file(RELATIVE_PATH name "${PROJECT_SOURCE_DIR}" "${header}")
+  string(MAKE_C_IDENTIFIER "${name}" id)
+  set(${source} "${CMAKE_CURRENT_BINARY_DIR}/check_headers/${id}.cc" PARENT_SCOPE)
+endfunction()
+
 function(kdray_check_headers target)
   file(GLOB_RECURSE headers CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/*.h")
   if(NOT headers)
@@ -11,8 +18,7 @@ function(kdray_check_headers target)
   set(sources)
   foreach(header IN LISTS headers)
     file(RELATIVE_PATH name "${PROJECT_SOURCE_DIR}" "${header}")
-    string(MAKE_C_IDENTIFIER "${name}" id)
-    set(source "${CMAKE_CURRENT_BINARY_DIR}/check_headers/${id}.cc")
+    kdray_header_check_source("${header}" source)
     file(GENERATE OUTPUT "${source}" CONTENT "#include \"${name}\"\n")
     list(APPEND sources "${source}")
   endforeach()
