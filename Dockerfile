@@ -9,7 +9,7 @@ FROM debian:trixie-slim AS trixie
 
 FROM ${DEBIAN} AS build
 WORKDIR /src
-# Before the sources, so that this layer is made again only when the list changes.
+# Before the sources, so this layer is rebuilt only when the list changes.
 COPY server/dependencies.sh server/
 RUN server/dependencies.sh build && rm -rf /var/lib/apt/lists/*
 COPY . .
@@ -21,13 +21,13 @@ RUN /tmp/dependencies.sh run && rm -rf /var/lib/apt/lists/* /tmp/dependencies.sh
 RUN useradd --system --uid 8080 --user-group --no-create-home --shell /usr/sbin/nologin kdray \
     && install -d -o kdray -g kdray -m 700 /var/lib/kdray
 COPY --from=build /src/build/release/bin/kdrayd /src/build/release/bin/kdray /usr/local/bin/
-# A library that is missing shows here, not at the first start.
+# Detects a missing library here, not at the first start.
 RUN kdrayd --version && kdray --version
 USER kdray
 ENV KDRAY_HOST=0.0.0.0 KDRAY_PORT=8080 KDRAY_DATA_DIR=/var/lib/kdray
 VOLUME /var/lib/kdray
 EXPOSE 8080
-# The shell opens the connection itself, so that the image needs no HTTP client.
+# The shell opens the connection, so the image needs no HTTP client.
 HEALTHCHECK --interval=10s --timeout=3s --start-period=10s CMD ["bash", "-c", \
     "exec 3<>/dev/tcp/127.0.0.1/$KDRAY_PORT && printf 'GET /healthz HTTP/1.1\\r\\nHost: localhost\\r\\nConnection: close\\r\\n\\r\\n' >&3 && read -r -u 3 -t 2 _ status _ && [[ $status == 200 ]]"]
 ENTRYPOINT ["kdrayd"]

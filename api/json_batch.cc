@@ -31,7 +31,7 @@ struct RowForm {
 };
 
 constexpr RowForm kRays = {"rays",
-                           "6 numbers (ox oy oz dx dy dz) or 8 (with t_min t_max behind)",
+                           "6 numbers (ox oy oz dx dy dz) or 8 (then t_min t_max)",
                            {6, 8},
                            7,
                            ErrorCode::kTooManyRays};
@@ -81,7 +81,7 @@ class RowReader {
                   PointerStep(key));
     }
     if (std::exchange(has_rows_, true)) {
-      return Fail(ErrorCode::kInvalidJson, "the key " + Quoted(key) + " stands twice",
+      return Fail(ErrorCode::kInvalidJson, "the key " + Quoted(key) + " is repeated",
                   PointerStep(key));
     }
     return true;

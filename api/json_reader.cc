@@ -63,7 +63,7 @@ class Builder {
     const bool twice = std::any_of(members.begin(), members.end(),
                                    [&](const JsonMember& member) { return member.key == key; });
     members.push_back({std::move(key), {}});
-    if (twice) return Fail("the key " + Quoted(members.back().key) + " stands twice");
+    if (twice) return Fail("the key " + Quoted(members.back().key) + " is repeated");
     return true;
   }
 

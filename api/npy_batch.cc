@@ -88,7 +88,7 @@ Outcome<RayTable> RaysFromNpy(const NpyArray& array, double t_min, double t_max,
   if (rows > max_rows) {
     Problem problem{ErrorCode::kTooManyRays, "the batch has " + std::to_string(rows) +
                                                  " rows; at most " + std::to_string(max_rows) +
-                                                 " are taken"};
+                                                 " are allowed"};
     problem.limit = static_cast<double>(max_rows);
     problem.actual = static_cast<double>(rows);
     return problem;

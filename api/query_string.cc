@@ -50,7 +50,7 @@ Outcome<std::vector<Parameter>> ParseQuery(std::string_view query) {
         Decode(equals == std::string_view::npos ? "" : piece.substr(equals + 1));
     if (!name || !value) {
       return Problem{ErrorCode::kInvalidParameter,
-                     "a '%' without two hexadecimal digits behind it in " + Quoted(piece), name};
+                     "a '%' without two hexadecimal digits after it in " + Quoted(piece), name};
     }
     if (!names.insert(*name).second) {
       return Problem{ErrorCode::kInvalidParameter,

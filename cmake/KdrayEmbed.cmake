@@ -1,4 +1,4 @@
-# Files built into the program, so that the daemon is one file that needs no data directory of its own.
+# Embeds files into a program, so the daemon is one file without a data directory.
 
 set(KDRAY_EMBED_SCRIPT "${CMAKE_CURRENT_LIST_DIR}/embed_files.cmake")
 
@@ -10,8 +10,9 @@ set(KDRAY_EMBED_SCRIPT "${CMAKE_CURRENT_LIST_DIR}/embed_files.cmake")
 #   inline constexpr std::array<std::pair<std::string_view, std::string_view>, N> kName;  // {name, content}
 #   }
 #
-# in the order of FILES. A file's name is its path relative to BASE (default: the calling folder); files that the build
-# makes itself may be named by their full path. Include the header in one .cc only: it carries the bytes.
+# in the order of FILES. A file's name is its path relative to BASE (default: the calling folder);
+# generated files may be named by their full path. Include the header in one .cc only, because it
+# contains the bytes.
 function(kdray_embed)
   cmake_parse_arguments(arg "" "TARGET;HEADER;VARIABLE;NAMESPACE;BASE" "FILES" ${ARGN})
   foreach(needed TARGET HEADER VARIABLE NAMESPACE FILES)

@@ -1,5 +1,5 @@
-# Every header must compile alone: for each header of a target, a one-line source that includes nothing else. Built with
-# the `check-headers` target, which tests/run builds.
+# Every header must compile alone: makes, for each header of a target, a one-line source that includes
+# only that header. Built by the target `check-headers`, which tests/run builds.
 
 add_custom_target(check-headers)
 

@@ -7,7 +7,7 @@ cd "$(dirname "$0")/.."
 preset=$1
 shift
 
-# As many compilers at once as there are processors, but no more than memory holds: one needs up to 1.5 GiB.
+# One compiler per processor, but limited by memory: a compiler needs up to 1.5 GiB.
 available_kib=$(awk '/^MemAvailable:/ {print $2}' /proc/meminfo)
 if [[ -r /sys/fs/cgroup/memory.max && $(</sys/fs/cgroup/memory.max) != max ]]; then
   limit_kib=$(($(</sys/fs/cgroup/memory.max) / 1024))

@@ -1,7 +1,7 @@
 # Run by kdray_embed() in the build: writes HEADER from the files PATHS under their NAMES.
 #
-# Bytes become character literals, not one string literal: those are limited to 65536 bytes by the standard, and a raw
-# string cannot hold every byte.
+# Bytes become character literals, not one string literal: the standard limits string literals to
+# 65536 bytes, and a raw string cannot contain every byte.
 
 set(definitions "")
 set(entries "")
@@ -13,7 +13,7 @@ foreach(path name IN ZIP_LISTS PATHS NAMES)
   string(REGEX REPLACE "(..)" "'\\\\x\\1'," characters "${hex}")
   string(REPEAT "." 112 line)  # sixteen literals of seven characters
   string(REGEX REPLACE "(${line})" "\\1\n" characters "${characters}")
-  # The NUL at the end is not counted; it keeps the array of an empty file from having no element.
+  # The NUL at the end is not counted; it avoids an array without elements for an empty file.
   string(APPEND definitions "inline constexpr char ${VARIABLE}File${index}[] = {\n${characters}'\\0'};\n")
   string(APPEND entries "    {\"${name}\", {${VARIABLE}File${index}, ${size}}},\n")
   math(EXPR index "${index} + 1")

@@ -11,13 +11,13 @@ import yaml
 
 
 class Loader(yaml.SafeLoader):
-    """Refuses a key that stands twice, which YAML would let the last one win."""
+    """Rejects repeated keys, of which YAML would use the last."""
 
     def construct_mapping(self, node, deep=False):
         seen = set()
         for key, _ in node.value:
             if key.tag != "tag:yaml.org,2002:merge" and key.value in seen:
-                raise yaml.constructor.ConstructorError(None, None, f"the key {key.value!r} stands twice", key.start_mark)
+                raise yaml.constructor.ConstructorError(None, None, f"the key {key.value!r} is repeated", key.start_mark)
             seen.add(key.value)
         return super().construct_mapping(node, deep)
 

@@ -1,4 +1,4 @@
-"""A mesh goes up, rays come back as hits, and a picture is written: example.py MESH [SERVER]"""
+"""Uploads a mesh, queries rays and writes a picture: example.py MESH [SERVER]"""
 import io
 import json
 import sys

@@ -1,4 +1,4 @@
-"""What speed costs in accuracy on a mesh, measured by the server: tradeoff.py MESH [SERVER]"""
+"""Prints the speed and accuracy that the server measures on a mesh: tradeoff.py MESH [SERVER]"""
 import json
 import sys
 from urllib.request import Request, urlopen

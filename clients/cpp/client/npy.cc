@@ -107,7 +107,7 @@ class HeaderReader {
       std::uint64_t extent = 0;
       Peek();
       const auto [end, error] = std::from_chars(text_.data(), text_.data() + text_.size(), extent);
-      if (error != std::errc()) Reject("an extent of its shape is no number");
+      if (error != std::errc()) Reject("an extent of its shape is not a number");
       text_.remove_prefix(static_cast<std::size_t>(end - text_.data()));
       shape.push_back(extent);
       if (!TakeIf(',')) {

@@ -75,7 +75,7 @@ TEST(RayRowsFromJson, N24ReadsNumbersToTheNearestDoubleOrRefusesThem) {
   ASSERT_FALSE(duplicate);
   EXPECT_EQ(duplicate.problem().code, ErrorCode::kInvalidJson);
   EXPECT_EQ(duplicate.problem().parameter, "/rays");
-  EXPECT_THAT(duplicate.problem().detail, HasSubstr("twice"));
+  EXPECT_THAT(duplicate.problem().detail, HasSubstr("repeated"));
 }
 
 TEST(RayRowsFromJson, ReadsTheShortestTextOfAnyDoubleBack) {

@@ -268,7 +268,7 @@ TEST(RenderFields, RefuseToComeTwice) {
     ASSERT_FALSE(body) << member;
     EXPECT_EQ(body.problem().code, ErrorCode::kInvalidJson);
     EXPECT_EQ(body.problem().parameter, "/" + std::string(c.name));
-    EXPECT_THAT(body.problem().detail, HasSubstr("twice"));
+    EXPECT_THAT(body.problem().detail, HasSubstr("repeated"));
   }
 }
 
