@@ -34,7 +34,7 @@ core::Result<BearerTokens> BearerTokens::Parse(std::string_view text) {
     if (line.empty() || line.starts_with('#')) continue;
     if (!std::all_of(line.begin(), line.end(), [](char c) { return c > ' ' && c < '\x7f'; })) {
       return core::Error{.code = core::ErrorCode::kInvalidArgument,
-                         .message = "a token may hold printable ASCII without blanks only",
+                         .message = "a token may contain only printable ASCII without blanks",
                          .line = number};
     }
     tokens.digests_.push_back(Digest(line));

@@ -51,7 +51,7 @@ std::string SizeToBytes(std::string& text) {
   if (error != std::errc() || unit == kUnits.end() || number == 0 ||
       number > std::numeric_limits<std::int64_t>::max() / unit->bytes) {
     return "'" + text +
-           "' is no size; write bytes, or a number with KiB, MiB, GiB, TiB, kB, MB, GB or TB";
+           "' is not a size; write bytes, or a number with KiB, MiB, GiB, TiB, kB, MB, GB or TB";
   }
   text = std::to_string(number * unit->bytes);
   return {};

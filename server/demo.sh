@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What `server/run --demo` shows, with the programs in the folder BIN: server/demo.sh BIN
-# A mesh goes in, a tree id comes out, rays and pictures are answered. Nothing stays but the files in out/demo.
+# The demonstration of `server/run --demo`, with the programs in the folder BIN: server/demo.sh BIN
+# Uploads a mesh, queries rays and renders a picture. Only the files in out/demo remain.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=$1

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# The one list of Debian packages that kdray needs, and what installs those that are missing.
-#   server/dependencies.sh GROUP...          install what is missing; silent and offline when nothing is
-#   server/dependencies.sh --list GROUP...   print the names, one a line
+# The list of Debian packages that kdray needs; installs those that are missing.
+#   server/dependencies.sh GROUP...          install missing packages; silent and offline without any
+#   server/dependencies.sh --list GROUP...   print the names, one per line
 # Groups: build (compile the daemon and the command), test (build and run the tests as well), run (start the
 # compiled programs: the second stage of the Dockerfile), lint (tests/lint), bench (tests/bench).
 set -euo pipefail
 
-# The version of Debian, whose libraries carry their own in their names: 12 where this is no Debian.
+# The version of Debian, because names of libraries contain versions; 12 on other systems.
 release() {
   local VERSION_ID=12 ID=
   # shellcheck source=/dev/null
@@ -111,7 +111,7 @@ echo "kdray: installing ${#missing[@]} Debian packages: ${missing[*]}" >&2
 apt_get() { "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq -o DPkg::Lock::Timeout=300 "$@"; }
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
-# The packages' own talk (hundreds of lines) is shown only when something goes wrong.
+# The output of apt (hundreds of lines) is shown only after an error.
 if ! { apt_get update && apt_get install -y --no-install-recommends "${missing[@]}"; } </dev/null >"$log" 2>&1; then
   tail -n 30 "$log" >&2
   echo "kdray: apt-get could not install them; see above" >&2

@@ -15,7 +15,8 @@ constexpr std::size_t kShortestMesh = 20;  // bytes; a shorter text may have one
 
 constexpr std::string_view kUnpack = "unpack it and send the file that is in it";
 constexpr std::string_view kExport = "export the mesh as OBJ, PLY, STL or OFF";
-constexpr std::string_view kNotYet = "it is not read in this version, export the mesh otherwise";
+constexpr std::string_view kNotYet =
+    "this version does not read it; export the mesh in another format";
 constexpr std::string_view kNoMesh = "send the mesh instead";
 
 struct Signature {

@@ -79,13 +79,12 @@ Error Unknown(std::string_view all, std::string_view text, CancelPoll* poll) {
     return UnsupportedFormat("a list of points", kNoFacesAdvice);
   }
   if (HasLostItsLineBreaks(text, poll)) {
-    return UnsupportedFormat("of no format that is known here", kLineBreaksAdvice);
+    return UnsupportedFormat("in no known format", kLineBreaksAdvice);
   }
   constexpr std::size_t kQuotedBytes = 80;  // more than Quoted shows
   all = all.substr(0, kQuotedBytes);
   const std::string_view first = all.substr(0, std::min(all.find_first_of("\r\n"), all.size()));
-  return UnsupportedFormat("of no format that is known here (they begin with " + Quoted(first) +
-                           ")");
+  return UnsupportedFormat("in no known format (they begin with " + Quoted(first) + ")");
 }
 
 }  // namespace
@@ -110,7 +109,7 @@ Result<MeshFormat> FindFormat(std::string_view bytes, CancelPoll* poll) {
 
   TextCursor cursor(text, {.hash_comments = true}, 1, poll);
   if (!cursor.FindLineWithWords()) {
-    std::string message = "the mesh holds nothing but blanks and comments";
+    std::string message = "the mesh contains only blanks and comments";
     if (HasLostItsLineBreaks(text, poll)) message += "; " + std::string(kLineBreaksAdvice);
     return Error{ErrorCode::kEmptyMesh, message};
   }

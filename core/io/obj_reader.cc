@@ -110,7 +110,8 @@ class ObjReader {
         while (!cursor.NextWord().empty()) ++corners;
         counts_.AddFace(corners);
       } else if (!MayBeginStatement(keyword)) {
-        return AtLine(cursor.line(), Quoted(keyword) + " begins no statement of an OBJ file");
+        return AtLine(cursor.line(),
+                      Quoted(keyword) + " does not begin a statement of an OBJ file");
       }
       return {};
     });

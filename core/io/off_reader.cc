@@ -103,7 +103,7 @@ class OffReader {
       numbers_ = keyword->numbers;
       word = keyword->rest.empty() ? cursor_.NextWord() : keyword->rest;
       if (keyword->has_other_dimension || word == "BINARY") {
-        Error error = Broken("of OFF only ascii files with three coordinates are read");
+        Error error = Broken("only ascii OFF files with three coordinates are supported");
         error.code = ErrorCode::kUnsupportedMeshFormat;
         return error;
       }
@@ -136,7 +136,7 @@ class OffReader {
     if (vertices_ > left / 6 || faces_ > (left - 6 * vertices_) / 2) {
       return Broken(std::to_string(vertices_) + " vertices and " + std::to_string(faces_) +
                     " faces do not fit into the " + std::to_string(cursor_.remaining()) +
-                    " bytes that are left");
+                    " bytes that follow");
     }
     if (vertices_ > kMaxVertices) {
       return Error{ErrorCode::kMeshTooLarge, "the OFF file has " + std::to_string(vertices_) +
@@ -177,7 +177,7 @@ class OffReader {
     cursor_ = first_face;
     if (Status status = ReadFaces(); !status.ok()) return std::move(status).error();
     if (is_free() && cursor_.FindLineWithWords()) {
-      return Broken("behind the last face the text goes on");
+      return Broken("text follows the last face");
     }
     if (Status status = CheckVertices(); !status.ok()) return std::move(status).error();
     if (data_.triangles.empty()) {
@@ -226,7 +226,7 @@ class OffReader {
     const bool must_end_line =
         layout_ == Layout::kFreeBlock || (layout_ == Layout::kFree && faces_ != 1);
     if (must_end_line && !cursor_.NextWord().empty()) {
-      return Broken("behind the last vertex the line goes on");
+      return Broken("more text follows the last vertex on its line");
     }
     return {};
   }
@@ -268,7 +268,7 @@ class OffReader {
         return Broken("a face cannot have " + std::to_string(*corners) + " corners");
       if (std::cmp_greater(*corners, cursor_.remaining() / 2)) {
         return Broken("a face of " + std::to_string(*corners) + " corners does not fit into the " +
-                      std::to_string(cursor_.remaining()) + " bytes that are left");
+                      std::to_string(cursor_.remaining()) + " bytes that follow");
       }
       if (Status status = handle(static_cast<std::uint64_t>(*corners)); !status.ok()) {
         return status;

@@ -72,7 +72,7 @@ std::optional<double> ReadDouble(std::string_view word) {
 
 std::string TooLong(std::string_view word) {
   return "a number of " + std::to_string(word.size()) + " characters; at most " +
-         std::to_string(kLongestNumber) + " are read";
+         std::to_string(kLongestNumber) + " are allowed";
 }
 
 // Microsoft's older run-time library prints "1.#QNAN", "-1.#IND00", "1.#INF".

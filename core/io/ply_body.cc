@@ -17,7 +17,7 @@ namespace {
 
 std::string TooLong(std::int64_t items, std::size_t remaining) {
   return "a list of " + std::to_string(items) + " items does not fit into the " +
-         std::to_string(remaining) + " bytes that are left";
+         std::to_string(remaining) + " bytes that follow";
 }
 
 TextCursor BodyCursor(std::string_view text, const PlyHeader& header, CancelPoll* poll) {
@@ -69,7 +69,7 @@ bool PlyAsciiBody::BeginRow() {
 bool PlyAsciiBody::EndRow() {
   if (IsFree()) return true;
   if (layout_ == PlyLayout::kEvenLines && !NextValue().empty()) {
-    return Fail(Quoted(word_) + " is more than the row holds");
+    return Fail(Quoted(word_) + " follows the row's last value");
   }
   cursor_.NextLine();
   return true;
@@ -78,7 +78,7 @@ bool PlyAsciiBody::EndRow() {
 bool PlyAsciiBody::EndElement() {
   if (layout_ != PlyLayout::kWords) return true;
   const std::string_view word = TextCursor(cursor_).NextWord();
-  return word.empty() || IsRemark(word) || Fail("behind an element's last row the line goes on");
+  return word.empty() || IsRemark(word) || Fail("text follows an element's last row on its line");
 }
 
 bool PlyAsciiBody::ReadNumber(PlyType, double* value) {

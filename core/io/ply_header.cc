@@ -100,9 +100,10 @@ class HeaderParser {
     if (keyword == "element") return ParseElementLine(words);
     if (keyword == "property") return ParsePropertyLine(words);
     if (IsRemark(line)) return {};
-    return Broken(Quoted(keyword) +
-                  " begins no line of a PLY header; there are format, element, property, comment, "
-                  "obj_info, end_header");
+    return Broken(
+        Quoted(keyword) +
+        " does not begin a line of a PLY header; allowed are format, element, property, comment, "
+        "obj_info, end_header");
   }
 
   // Text that cannot be a declaration, which contains a type or `list`, or ends with a count.
@@ -123,7 +124,7 @@ class HeaderParser {
     const std::optional<PlyFormat> format = ParseFormat(name);
     if (!format) {
       return Broken(Quoted(name) +
-                    " is not a format; there are ascii, binary_little_endian, binary_big_endian");
+                    " is not a format; allowed are ascii, binary_little_endian, binary_big_endian");
     }
     if (words.NextWord() != "1.0") return Broken("the format's version is not 1.0");
     if (has_format_) return Broken("a second format line");

@@ -136,7 +136,7 @@ class BodyReader {
     }
     if constexpr (Body::kIsText) {
       if (to_the_end && !body_.AtEnd()) {
-        body_.Fail({ErrorCode::kInvalidMesh, "behind the last row the text goes on"});
+        body_.Fail({ErrorCode::kInvalidMesh, "text follows the last row"});
         return body_.error();
       }
     }
@@ -265,8 +265,9 @@ class BodyReader {
       if (!body_.ReadLength(property, &corners)) return false;
       if (layout_.is_strips) return CountStrip(property.type, corners, &counts_.triangles);
       if (corners < 3 && !body_.AllowsShortFaces()) {
-        return body_.Fail({ErrorCode::kInvalidMesh, "a face of " + std::to_string(corners) +
-                                                        " corners, among rows that are no lines"});
+        return body_.Fail(
+            {ErrorCode::kInvalidMesh, "a face of " + std::to_string(corners) +
+                                          " corners; rows that are not lines need at least 3"});
       }
       counts_.AddFace(corners);
       return body_.SkipItems(property.type, corners);

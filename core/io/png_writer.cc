@@ -138,7 +138,7 @@ Result<std::vector<std::byte>> EncodePng(std::span<const std::uint8_t> pixels, i
     return Error{ErrorCode::kInvalidArgument, "a PNG has less than 2^30 bytes of pixels"};
   }
   if (pixels.size() != bytes) {
-    return Error{ErrorCode::kInvalidArgument, "the pixels do not fill the sides"};
+    return Error{ErrorCode::kInvalidArgument, "the number of pixels does not match the sides"};
   }
   CancelPoll poll(cancel);
   if (poll.Spend(1)) return poll.ToError();

@@ -119,7 +119,7 @@ Status PolygonCutter::AddOther(std::span<const std::uint32_t> corners) {
   } else if (corners.size() > kMaxConcaveCorners) {
     return Error{ErrorCode::kInvalidMesh,
                  "a concave polygon with " + std::to_string(corners.size()) + " corners; at most " +
-                     std::to_string(kMaxConcaveCorners) + " are cut"};
+                     std::to_string(kMaxConcaveCorners) + " are allowed"};
   } else {
     CutConcave(corners, view);
   }

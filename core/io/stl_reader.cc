@@ -137,7 +137,7 @@ class AsciiReader {
       } else if (BeginsOrEndsSolid(word)) {
         SkipName();
       } else if (word_begins_line_) {
-        return AtLine(cursor_.line(), Quoted(word) + " begins no statement of an STL file");
+        return AtLine(cursor_.line(), Quoted(word) + " does not begin a statement of an STL file");
       }
     }
     if (data_.triangles.empty()) {

@@ -100,7 +100,7 @@ CheckedReader::CheckedReader(std::unique_ptr<ReadableFile> file, const FileKind&
 }
 
 void CheckedReader::GetBytes(std::span<std::byte> out) {
-  if (status_.ok() && out.size() > remaining_) status_ = Corrupt("says more than it holds");
+  if (status_.ok() && out.size() > remaining_) status_ = Corrupt("is shorter than it says");
   if (status_.ok() && Fill(out)) {
     remaining_ -= out.size();
     return;
@@ -137,11 +137,11 @@ bool CheckedReader::Fill(std::span<std::byte> out) {
 }
 
 void CheckedReader::Fail() {
-  if (status_.ok()) status_ = Corrupt("holds a value that cannot be");
+  if (status_.ok()) status_ = Corrupt("contains an invalid value");
 }
 
 Status CheckedReader::Finish() {
-  if (status_.ok() && remaining_ != 0) status_ = Corrupt("holds more than it says");
+  if (status_.ok() && remaining_ != 0) status_ = Corrupt("is longer than it says");
   if (!status_.ok()) return status_;
   Footer footer;
   std::array<std::byte, sizeof(Footer)> bytes;

@@ -151,7 +151,7 @@ class Posix final : public FileSystem {
     struct stat status {};
     if (fstat(fd.get(), &status) != 0) return ErrnoError("examine a file", errno);
     if (!IsOwnRegularFile(status)) {
-      return Error{ErrorCode::kCorrupt, "a stored file is no regular file of this user"};
+      return Error{ErrorCode::kCorrupt, "a stored file is not a regular file of this user"};
     }
     return std::unique_ptr<ReadableFile>(std::make_unique<PosixReadableFile>(
         std::move(fd), static_cast<std::uint64_t>(status.st_size)));
@@ -180,7 +180,7 @@ class Posix final : public FileSystem {
   Result<FolderInfo> Examine(const Path& directory) override {
     struct stat status {};
     if (stat(directory.c_str(), &status) != 0) return ErrnoError("examine a folder", errno);
-    if (!S_ISDIR(status.st_mode)) return Error{ErrorCode::kCorrupt, "this is no folder"};
+    if (!S_ISDIR(status.st_mode)) return Error{ErrorCode::kCorrupt, "this is not a folder"};
     return FolderInfo{status.st_uid, geteuid()};
   }
 

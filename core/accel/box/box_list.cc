@@ -16,7 +16,7 @@ Result<std::vector<TreeCell>> BoxList::Cells(std::uint32_t /*depth*/, std::size_
 Status BoxList::Validate(std::size_t triangle_count) const {
   const bool no_triangles = bounds == Bounds3f::Empty();
   if (!no_triangles && (bounds.IsEmpty() || !IsFinite(bounds.Extent()))) {
-    return Error{ErrorCode::kCorrupt, "the bounds of the box are no box"};
+    return Error{ErrorCode::kCorrupt, "the bounds of the box are invalid"};
   }
   for (const PrimitiveId id : primitives) {
     if (id >= triangle_count) {

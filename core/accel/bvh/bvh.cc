@@ -34,7 +34,7 @@ Status Bvh::Validate(std::size_t triangle_count) const {
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     const BvhNode& node = nodes[i];
     if (node.bounds.IsEmpty() || !IsFinite(node.bounds.Extent())) {
-      return Corrupt(i, "its bounds are no box");
+      return Corrupt(i, "its bounds are invalid");
     }
     if (!node.IsLeaf()) {
       if (++depth > kMaxDepth) return Corrupt(i, "too deep");

@@ -27,7 +27,7 @@ Status KdTree::Validate(std::size_t triangle_count) const {
   const Vec3f sizes = bounds.Extent();
   const bool no_triangles = bounds == Bounds3f::Empty();
   if (!no_triangles && (bounds.IsEmpty() || !IsFinite(sizes))) {
-    return Error{ErrorCode::kCorrupt, "the bounds of the kd-tree are no box"};
+    return Error{ErrorCode::kCorrupt, "the bounds of the kd-tree are invalid"};
   }
   for (const PrimitiveId id : primitives) {
     if (id >= triangle_count) {

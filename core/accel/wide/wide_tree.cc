@@ -43,7 +43,7 @@ Status WideTree::Validate(std::size_t triangle_count) const {
     if (nodes.empty() && blocks.empty()) return {};
     return Corrupt("nodes without a root");
   }
-  if (!IsFinite(bounds.min) || !IsFinite(bounds.max)) return Corrupt("the bounds are no box");
+  if (!IsFinite(bounds.min) || !IsFinite(bounds.max)) return Corrupt("the bounds are invalid");
   if (blocks.empty() || !blocks.back().IsLast()) return Corrupt("the last leaf has no end");
 
   const auto check_child = [&](std::uint32_t child, std::size_t first_node) {
@@ -52,17 +52,18 @@ Status WideTree::Validate(std::size_t triangle_count) const {
     const std::uint32_t block = child & ~WideChild::kLeafBit;
     return block < blocks.size() && (block == 0 || blocks[block - 1].IsLast());
   };
-  if (!check_child(root, 0) || (IsInner(root) && root != 0)) return Corrupt("the root is nowhere");
-  if (!IsInner(root) && !nodes.empty()) return Corrupt("nodes above no leaf");
+  if (!check_child(root, 0) || (IsInner(root) && root != 0))
+    return Corrupt("the root is out of range");
+  if (!IsInner(root) && !nodes.empty()) return Corrupt("nodes without a leaf");
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     for (const std::uint32_t child : nodes[i].child) {
       if (!check_child(child, i + 1)) {
-        return Corrupt("node " + std::to_string(i) + " has a child that is nowhere");
+        return Corrupt("node " + std::to_string(i) + " has a child that is out of range");
       }
     }
     for (const std::uint32_t order : nodes[i].order) {
       if (!IsPermutation(order)) {
-        return Corrupt("node " + std::to_string(i) + " has an order that is none");
+        return Corrupt("node " + std::to_string(i) + " has an invalid order of children");
       }
     }
   }

@@ -58,10 +58,10 @@ TEST(MeshReader, NamesWhatItDoesNotReadAndWhatToSendInstead) {
   const std::string convert = "export the mesh as OBJ, PLY, STL or OFF";
   const std::string points = "points have no surface";
   const std::string form = "send the file itself (curl --data-binary @FILE)";
-  const std::string unknown = "of no format that is known here (they begin with ";
+  const std::string unknown = "in no known format (they begin with ";
   for (const Case& c : {
-           Case{std::string("glTF\2\0\0\0", 8), "a GLB file", "not read in this version"},
-           Case{"{\"asset\": {\"version\": \"2.0\"}}", "a glTF file", "not read in this version"},
+           Case{std::string("glTF\2\0\0\0", 8), "a GLB file", "this version does not read it"},
+           Case{"{\"asset\": {\"version\": \"2.0\"}}", "a glTF file", "this version does not read it"},
            Case{" {}", "JSON, perhaps a glTF file", ""},
            Case{"[1, 2]", "JSON", ""},
            Case{"\x1f\x8b\x08", "gzip data", unpack},

@@ -166,11 +166,11 @@ TEST(ObjReader, NamesTheLineAndTheCause) {
                "f 1 1 1\nv 0 0 -1e39\n", 2,
                "line 2: z of vertex 1 (counted from 1), which a face uses: the coordinate '-1e+39' "
                "is beyond 3.4e38"},
-           Case{kSquare + "-1 2 3\n", 5, "line 5: '-1' begins no statement of an OBJ file"},
-           Case{kSquare + ".5 2 3\n", 5, "line 5: '.5' begins no statement of an OBJ file"},
-           Case{"v 0 0 0\n1 2 3\n", 2, "line 2: '1' begins no statement of an OBJ file"},
+           Case{kSquare + "-1 2 3\n", 5, "line 5: '-1' does not begin a statement of an OBJ file"},
+           Case{kSquare + ".5 2 3\n", 5, "line 5: '.5' does not begin a statement of an OBJ file"},
+           Case{"v 0 0 0\n1 2 3\n", 2, "line 2: '1' does not begin a statement of an OBJ file"},
            Case{kSquare + std::string("\0f 1 2 3", 8), 5,
-                "line 5: '\\x00f' begins no statement of an OBJ file"},
+                "line 5: '\\x00f' does not begin a statement of an OBJ file"},
        }) {
     ExpectInvalidAtLine(c.text, c.line, c.message);
   }

@@ -87,12 +87,11 @@ TEST(OffReader, NamesTheLineAndTheCause) {
            Case{"OFF\nfour 1 0\n", 2, "line 2: 'four' is not an integer of 64 bits"},
            Case{"OFF\n4\n", 3, "line 3: an integer is missing"},
            Case{"OFF\n4 -1 0\n", 2, "line 2: '-1' is not a count"},
-           Case{"OFF\n353535235358 6 0\n0 0 0\n", 2,
-                "line 2: 353535235358 vertices and 6 faces do not fit into the 7 bytes that are "
-                "left"},
+           Case{
+               "OFF\n353535235358 6 0\n0 0 0\n", 2,
+               "line 2: 353535235358 vertices and 6 faces do not fit into the 7 bytes that follow"},
            Case{"OFF\n4 4294967295 0\n" + kSquare + "3 0 1 2\n", 2,
-                "line 2: 4 vertices and 4294967295 faces do not fit into the 35 bytes that are "
-                "left"},
+                "line 2: 4 vertices and 4294967295 faces do not fit into the 35 bytes that follow"},
            Case{header + "0 0 0\n1 0\n1 1 0\n0 1 0\n4 0 1 2 3\n", 4, "line 4: a number is missing"},
            Case{
                header + "0 0 0\n1 0 nan\n1 1 0\n0 1 0\n4 0 1 2 3\n", 4,
@@ -111,7 +110,7 @@ TEST(OffReader, NamesTheLineAndTheCause) {
                 "line 7: '3.5' is not an integer of 64 bits"},
            Case{header + kSquare + "-4 0 1 2 3\n", 7, "line 7: a face cannot have -4 corners"},
            Case{header + kSquare + "2000000000 0 1 2 3\n", 7,
-                "line 7: a face of 2000000000 corners does not fit into the 9 bytes that are left"},
+                "line 7: a face of 2000000000 corners does not fit into the 9 bytes that follow"},
        }) {
     ExpectInvalidAtLine(c.text, c.line, c.message);
   }

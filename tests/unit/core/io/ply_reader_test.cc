@@ -288,7 +288,7 @@ TEST(PlyReader, NamesTheLineOfABrokenHeader) {
            Case{"ply\n" + kVertices + kEnd, 6, "line 6: the PLY header has no format line"},
            Case{"ply\nformat ascii 1.1\n" + kEnd, 2, "line 2: the format's version is not 1.0"},
            Case{"ply\nformat middle 1.0\n" + kEnd, 2,
-                "line 2: 'middle' is not a format; there are ascii, binary_little_endian, "
+                "line 2: 'middle' is not a format; allowed are ascii, binary_little_endian, "
                 "binary_big_endian"},
            Case{kAscii + "format ascii 1.0\n", 3, "line 3: a second format line"},
            Case{kAscii + "element vertex -8\n", 3, "line 3: an element cannot have '-8' rows"},
@@ -307,17 +307,20 @@ TEST(PlyReader, NamesTheLineOfABrokenHeader) {
            Case{kAscii + kVertices + kFaces + "property list uchar int vertex_indices\n" + kEnd, 9,
                 "line 9: a second property 'vertex_indices'"},
            Case{kAscii + kVertices + "propery uchar red\n", 7,
-                "line 7: 'propery' begins no line of a PLY header; there are format, element, "
+                "line 7: 'propery' does not begin a line of a PLY header; allowed are format, "
+                "element, "
                 "property, comment, obj_info, end_header"},
            Case{kAscii + "elemnt face 12\n", 3,
-                "line 3: 'elemnt' begins no line of a PLY header; there are format, element, "
+                "line 3: 'elemnt' does not begin a line of a PLY header; allowed are format, "
+                "element, "
                 "property, comment, obj_info, end_header"},
            Case{kAscii + "element face 4\nproperty list float int vertex_indices\n", 4,
                 "line 4: 'float' is not an integer type, which a list's length must have"},
            Case{kAscii + "a\x01"
                          "b\n",
                 3,
-                "line 3: 'a\\x01b' begins no line of a PLY header; there are format, element, "
+                "line 3: 'a\\x01b' does not begin a line of a PLY header; allowed are format, "
+                "element, "
                 "property, comment, obj_info, end_header"},
            Case{kAscii + "element vertex 1\n" + properties, 1027,
                 "line 1027: more than 1024 elements and properties"},
@@ -358,7 +361,7 @@ TEST(PlyReader, NamesTheLineOfABrokenAsciiBody) {
            Case{kSquare + "4 0 1 2\n\n\n", 14, "line 14: a number is missing"},
            Case{kSquare + "-4 0 1 2 3\n", 14, "line 14: a list cannot have -4 items"},
            Case{kSquare + "4294967295 0 1 2 3\n", 14,
-                "line 14: a list of 4294967295 items does not fit into the 9 bytes that are left"},
+                "line 14: a list of 4294967295 items does not fit into the 9 bytes that follow"},
        }) {
     ExpectInvalidAtLine(header + c.body, c.line, c.message);
   }
@@ -381,7 +384,7 @@ TEST(PlyReader, NamesTheByteOfABrokenBinaryBody) {
                           ": vertex -1 does not exist; the file has 4, counted from 0");
   ExpectInvalidAtByte(header + face(0, 1, 2).substr(0, 12), body,
                       "byte " + std::to_string(body) +
-                          ": a list of 3 items does not fit into the 11 bytes that are left");
+                          ": a list of 3 items does not fit into the 11 bytes that follow");
 }
 
 TEST(PlyReader, NamesTheHeaderLineOfACountThatTheFileCannotHold) {

@@ -305,7 +305,7 @@ TEST(PolygonCutter, RefusesAConcavePolygonWithMoreCornersThanItHasMemoryFor) {
   ASSERT_FALSE(status.ok());
   EXPECT_EQ(status.error().code, ErrorCode::kInvalidMesh);
   EXPECT_EQ(status.error().message,
-            "a concave polygon with 270000 corners; at most 262144 are cut");
+            "a concave polygon with 270000 corners; at most 262144 are allowed");
 }
 
 std::vector<Vec3d> Scribble(int n, std::uint64_t stream) {

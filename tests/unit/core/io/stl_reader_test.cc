@@ -209,7 +209,7 @@ TEST(StlReader, NamesTheLineAndTheCauseInAnAsciiFile) {
            Case{"solid a\nfacet normal 0 0 1\n inner loop\n" + two, 3,
                 "line 3: 'inner' where 'outer loop' must be"},
            Case{"solid a\n" + kFacet + "face\n", 9,
-                "line 9: 'face' begins no statement of an STL file"},
+                "line 9: 'face' does not begin a statement of an STL file"},
            Case{"solid a\n" + kFacet.substr(0, kFacet.size() - 9) + kFacet, 8,
                 "line 8: 'facet' where 'endfacet' must be"},
        }) {
