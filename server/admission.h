@@ -1,5 +1,5 @@
-// How much work is taken on at a time. Beyond it a client is told at once to come back, which keeps
-// those that were let in quick.
+// The limit on simultaneous work. Beyond it, requests fail at once with `overloaded`, so accepted
+// requests stay quick.
 #pragma once
 
 #include <condition_variable>
@@ -17,11 +17,11 @@ namespace kdray::server {
 /// threads at once.
 class Admission {
  public:
-  /// `max_running` turns at the same time; beyond them `max_queued` wait for one.
+  /// At most `max_running` turns at the same time; at most `max_queued` requests wait for one.
   Admission(std::size_t max_running, std::size_t max_queued)
       : max_running_(max_running), max_queued_(max_queued) {}
 
-  /// The right to compute, for as long as it lives.
+  /// The right to compute, during its lifetime.
   class Turn {
    public:
     Turn(Turn&& other) noexcept
@@ -30,7 +30,7 @@ class Admission {
     ~Turn() {
       if (admission_ != nullptr) admission_->Leave();
     }
-    /// How long it was waited for.
+    /// The time waited for it.
     double waited_ms() const { return waited_ms_; }
 
    private:
@@ -40,9 +40,9 @@ class Admission {
     double waited_ms_;
   };
 
-  /// Waits for a turn. overloaded at once when the queue is full; deadline_exceeded when the
-  /// deadline of `cancel` comes first; draining when it is cancelled, which a client that has left
-  /// does not read.
+  /// Waits for a turn. overloaded at once if the queue is full; deadline_exceeded if the deadline
+  /// of `cancel` comes first; draining if it is cancelled, which a client that has left does not
+  /// read.
   api::Outcome<Turn> Enter(const core::CancelToken& cancel);
 
   std::size_t running() const;
@@ -55,7 +55,7 @@ class Admission {
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::size_t running_ = 0;
-  std::list<char> queue_;  ///< one element a waiter, the first in line first
+  std::list<char> queue_;  ///< one element per waiter, the first in line first
 };
 
 }  // namespace kdray::server

@@ -13,7 +13,7 @@ core::Sha256Digest Digest(std::string_view token) {
   return core::HashBytes(std::as_bytes(std::span(token)));
 }
 
-/// Looks at every byte whatever the first ones say.
+/// Compares every byte, whatever the first ones are.
 bool EqualInConstantTime(const core::Sha256Digest& a, const core::Sha256Digest& b) {
   unsigned difference = 0;
   for (std::size_t i = 0; i < a.bytes.size(); ++i) {

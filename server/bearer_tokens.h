@@ -1,4 +1,4 @@
-// Who may use the server: the tokens of --token-file.
+// The tokens of --token-file, which authorise clients.
 #pragma once
 
 #include <optional>
@@ -10,15 +10,15 @@
 
 namespace kdray::server {
 
-/// Immutable: safe from many threads at once. Keeps digests, not tokens.
+/// Immutable, so safe from many threads at once. Keeps hashes, not tokens.
 class BearerTokens {
  public:
-  /// One token a line; blank lines and lines that begin with '#' do not count. kInvalidArgument for
-  /// a text without tokens or a token with characters that a header cannot carry.
+  /// One token per line; blank lines and lines that begin with '#' are skipped. kInvalidArgument
+  /// for a text without tokens, or a token with characters that a header cannot contain.
   static core::Result<BearerTokens> Parse(std::string_view text);
 
-  /// Whether the value of an Authorization header is `Bearer TOKEN` with one of the tokens. The
-  /// time it takes tells nothing about them but their number.
+  /// Whether the value of an Authorization header is `Bearer TOKEN` with one of the tokens. Its
+  /// time reveals only the number of tokens.
   bool Allows(std::optional<std::string_view> authorization) const;
 
  private:

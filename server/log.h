@@ -1,5 +1,5 @@
-// The log: one JSON object a line. Lines are written by a thread of their own, so that no request
-// ever waits for whoever reads them.
+// The log: one JSON object per line. A separate thread writes the lines, so no request waits for
+// their reader.
 #pragma once
 
 #include <cstddef>
@@ -15,35 +15,35 @@ namespace kdray::server {
 
 enum class LogLevel : std::uint8_t { kInfo, kWarning, kError };
 
-/// A number, a flag, or a text of any bytes: escaped here.
+/// A number, a flag, or a text of any bytes, which is escaped.
 using LogValue = std::variant<std::string_view, double, std::uint64_t, bool>;
 using LogField = std::pair<std::string_view, LogValue>;
 
-/// The line without its end: `time` (RFC 3339, UTC, milliseconds), `level`, `event`, then the
-/// fields in their order.
+/// The line without '\n': `time` (RFC 3339, UTC, milliseconds), `level`, `event`, then the fields
+/// in their order.
 std::string FormatLogLine(LogLevel level, std::string_view event,
                           std::initializer_list<LogField> fields);
 
-/// Where lines go. Safe from many threads at once. Lines arrive whole and in order. While nobody
-/// takes them, kMaxLines and kMaxBytes of them wait; what comes then is dropped and counted, and a
-/// line `log_dropped` tells how many stood in its place.
+/// Writes lines. Safe from many threads at once. Lines arrive whole and in order. If the reader
+/// does not take them, at most kMaxLines and kMaxBytes wait. Further lines are dropped and counted;
+/// a line `log_dropped` in their place has the count.
 class Log {
  public:
   static constexpr std::size_t kMaxLines = 4096;
   static constexpr std::size_t kMaxBytes = std::size_t{2} << 20;
 
-  /// A file descriptor that outlives the log; -1 drops everything. Throws std::system_error when
-  /// there is no thread to be had.
+  /// The file descriptor must outlive the log; -1 drops everything. Throws std::system_error if no
+  /// thread can be started.
   explicit Log(int fd);
-  /// Writes what waits, and gives up soon when nobody takes it.
+  /// Writes the waiting lines, for a short time.
   ~Log();
   Log(const Log&) = delete;
   Log& operator=(const Log&) = delete;
 
-  /// Never waits for a reader.
+  /// Does not wait for the reader.
   void Write(LogLevel level, std::string_view event,
              std::initializer_list<LogField> fields) const noexcept;
-  /// Lines that were never written.
+  /// The number of dropped lines.
   std::uint64_t dropped() const;
 
  private:

@@ -1,4 +1,4 @@
-// What was modelled and why, in words, for the people who asked for a tree.
+// Describes for people how a mesh was modelled, and why.
 #pragma once
 
 #include <string>
@@ -7,8 +7,8 @@
 
 namespace kdray::server {
 
-/// A few plain sentences: the structure, how vertices are kept, what `auto` precision means here,
-/// and what is not promised. Says less while less is known.
+/// A few sentences: the structure, the storage of vertices, the meaning of precision `auto`, and
+/// what is not guaranteed. Shorter before the mesh is parsed or the tree is built.
 std::string DescribePlan(const core::TreeRecord& record);
 
 }  // namespace kdray::server

@@ -1,4 +1,4 @@
-// Batches of rays: the contract's rows in, core's tracer in the middle, the contract's rows out.
+// Traces batches of rays: converts the contract's rows, calls core's tracer, and converts the hits.
 #pragma once
 
 #include "api/types.h"
@@ -8,7 +8,7 @@
 
 namespace kdray::server {
 
-/// Fills hits, invalid rows, and normals and points if `options.fields` asks for them. Runs in the
+/// Fills hits, invalid rows, and normals and points if `options.fields` has them. Runs in the
 /// caller's arena. Errors: kCancelled, kDeadlineExceeded; the answer is then unspecified.
 core::Status AnswerClosest(const core::Scene& scene, const api::RayTable& rays,
                            const api::RayOptions& options, const core::TraceOptions& trace,

@@ -1,5 +1,5 @@
-// The memory that requests under way hold together: bodies that come in, what is made from them,
-// images. Beyond it a client is told at once to come back.
+// The memory limit of all running requests: bodies, the data made from them, images. Beyond it,
+// requests fail at once with `memory_full`.
 #pragma once
 
 #include <cstddef>
@@ -15,21 +15,20 @@
 
 namespace kdray::server {
 
-/// Memory is taken when it is needed: for work when the work begins, for a body as its bytes
-/// arrive. A length that a client declares takes nothing, so it can only cause its own request to
-/// be refused.
+/// Memory is charged when it is needed: for work when it begins, for a body as its bytes arrive. A
+/// declared length charges nothing, so it can only make its own request fail.
 ///
-/// Bodies are ordered by their beginning. A body that meets a full budget does not wait: newer
-/// bodies give way to it, the newest first, if what they hold is enough; otherwise it is refused
-/// itself. A body that gave way frees its bytes at once and is refused at its next piece.
+/// Bodies are ordered by their start. A body that meets a full budget does not wait: newer bodies
+/// are dropped for it, the newest first, if they hold enough; otherwise it fails itself. A dropped
+/// body frees its bytes at once, and its request fails at its next piece.
 ///
-/// A request that needs more than the whole budget gets in while nothing else holds any: other
-/// limits (api/limits.h) say what is too large. Safe from many threads at once.
+/// A request that needs more than the whole budget is accepted while nothing else holds memory:
+/// other limits (api/limits.h) bound single requests. Safe from many threads at once.
 class RequestMemory {
  public:
   explicit RequestMemory(std::uint64_t limit_bytes) : limit_(limit_bytes) {}
 
-  /// Some of the budget, for as long as it lives.
+  /// A part of the budget, returned when destroyed.
   class Share {
    public:
     Share() = default;
@@ -51,28 +50,29 @@ class RequestMemory {
     std::uint64_t bytes_ = 0;
   };
 
-  /// memory_full when `bytes` are not free now.
+  /// memory_full if `bytes` are not free now.
   api::Outcome<Share> Take(std::uint64_t bytes);
-  /// The problem that Take(bytes) would answer now; takes nothing.
+  /// The problem that Take(bytes) would return now; charges nothing.
   api::Check Check(std::uint64_t bytes) const;
 
-  /// A body on its way in. One thread at a time.
+  /// A body that is being received. For one thread at a time.
   class Body {
    public:
-    /// Each byte counts `per_byte` bytes of the budget, for what will be made from the body.
+    /// Each byte is charged as `per_byte` bytes, for the data that will be made from the body.
     Body(RequestMemory* memory, std::uint64_t per_byte);
     Body(const Body&) = delete;
     Body& operator=(const Body&) = delete;
     ~Body();
 
-    /// memory_full when this body has to give way; then it stays refused.
+    /// memory_full if this body was dropped; it stays so.
     api::Check Append(std::span<const std::byte> piece);
 
     struct Whole {
       std::string text;
       Share share;
     };
-    /// The body is complete and gives way no more. memory_full when it had to before. Call once.
+    /// The body is complete and cannot be dropped any more. memory_full if it was dropped before.
+    /// Call once.
     api::Outcome<Whole> Finish();
 
    private:
@@ -98,7 +98,7 @@ class RequestMemory {
   const std::uint64_t limit_;
   mutable std::mutex mutex_;
   std::uint64_t used_ = 0;
-  Bodies bodies_;  // that may have to give way, oldest first
+  Bodies bodies_;  // bodies that may be dropped, oldest first
 };
 
 }  // namespace kdray::server

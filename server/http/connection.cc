@@ -28,13 +28,13 @@ bool WaitUntil(int fd, short events, Clock::time_point deadline) {
     pollfd entry{.fd = fd, .events = events, .revents = 0};
     const int ready = poll(&entry, 1, static_cast<int>(std::min<long long>(left, INT_MAX)));
     if (ready > 0) return true;
-    if (ready < 0 && errno != EINTR) return true;  // the next call on the socket tells
+    if (ready < 0 && errno != EINTR) return true;  // the next call on the socket reports the error
   }
 }
 
 bool WouldBlock() { return errno == EAGAIN || errno == EWOULDBLOCK; }
 
-/// recv() that neither blocks nor is interrupted: bytes, 0 at the end, -1 with errno.
+/// recv() that does not block and is retried after signals: bytes, 0 at the end, -1 with errno.
 ssize_t Receive(int fd, void* out, std::size_t size) {
   for (;;) {
     const ssize_t count = recv(fd, out, size, MSG_DONTWAIT);
@@ -164,7 +164,7 @@ bool Connection::Send(std::string_view bytes, bool more) {
 
 bool Connection::SendAhead(std::string_view start) {
   if (ahead_ >= start.size()) return false;
-  // A full buffer or a reset: the byte is not sent, and others notice the reset.
+  // With a full buffer or a reset the byte is not sent; a reset is noticed elsewhere.
   if (send(fd_, start.data() + ahead_, 1, MSG_DONTWAIT | MSG_NOSIGNAL) == 1) ++ahead_;
   return true;
 }
@@ -181,8 +181,8 @@ void Connection::EndRequest() {
 
 void Connection::CloseGently() {
   if (broken_) {
-    // What is still queued for a client that does not read would delay the end behind it, and hold
-    // the system's memory.
+    // Data queued for a client that does not read would delay the FIN, and keep the system's
+    // memory.
     const linger reset{.l_onoff = 1, .l_linger = 0};
     setsockopt(fd_, SOL_SOCKET, SO_LINGER, &reset, sizeof(reset));
     return;

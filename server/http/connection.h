@@ -1,6 +1,5 @@
-// One accepted socket, read and written under deadlines and budgets: nothing a client does or
-// leaves undone keeps a thread longer than these allow. Knows bytes, not HTTP; keeps what was read
-// too far for the next request.
+// An accepted socket, read and written under deadlines, which bound the time that a client can keep
+// a thread. It handles bytes, not HTTP, and keeps bytes of the next request.
 #pragma once
 
 #include <chrono>
@@ -12,21 +11,20 @@
 
 namespace kdray::server {
 
-/// How long a peer may keep us waiting while it moves bytes: `grace`, and a second more for each
-/// `bytes_per_second` that moved; but never `stall` in one piece. So a body of n bytes takes at
-/// most grace + n / bytes_per_second of waiting.
+/// Limits the wait for a peer: `grace`, and a second for each `bytes_per_second` bytes transferred,
+/// but at most `stall` at once. So a body of n bytes takes at most grace + n / bytes_per_second of
+/// waiting.
 struct PaceLimit {
   std::chrono::milliseconds grace{5000};
   std::uint64_t bytes_per_second = 16 * 1024;
   std::chrono::milliseconds stall{30000};
 };
 
-/// Waits on behalf of one transfer. Counts the time spent waiting for the peer, not the time that
-/// we take ourselves.
+/// The waits of one transfer. Counts time waiting for the peer, not our own time.
 class Pace {
  public:
   explicit Pace(const PaceLimit& limit) : limit_(limit) {}
-  /// True when the socket became ready for `events` (poll's), false when the peer's time is up.
+  /// True if the socket is ready for `events` (poll's), false if the peer's time is used up.
   bool Wait(int fd, short events);
   void Moved(std::size_t bytes) { moved_ += bytes; }
 
@@ -36,7 +34,7 @@ class Pace {
   std::uint64_t moved_ = 0;
 };
 
-/// Used by one thread. The socket stays its owner's to close (connection_pool.h).
+/// Used by one thread. The socket's owner closes it (connection_pool.h).
 class Connection {
  public:
   using Clock = std::chrono::steady_clock;
@@ -48,43 +46,42 @@ class Connection {
   int fd() const { return fd_; }
 
   enum class Read : std::uint8_t { kDone, kClosed, kTimeout, kTooLarge };
-  /// Until the next request's first byte is here.
+  /// Waits for the next request's first byte.
   Read WaitForByte(Clock::time_point deadline);
-  /// Until the head of the next request is here; then head() is it. kTooLarge beyond `max_bytes`.
+  /// Reads the head of the next request, which head() then returns. kTooLarge beyond `max_bytes`.
   Read ReadHead(Clock::time_point deadline, std::size_t max_bytes);
-  /// What has been read of the head so far.
+  /// The part of the head that has been read.
   std::string_view head() const { return std::string_view(in_).substr(0, head_bytes_); }
 
-  /// Declares what follows the head. To be called once a request.
+  /// Declares the body after the head. Call once per request.
   void BeginBody(std::uint64_t bytes, const PaceLimit& pace);
-  /// Some bytes of the body, 0 bytes (with kDone) at its end.
+  /// Reads some bytes of the body; 0 bytes (with kDone) at its end.
   Read ReadBody(std::span<std::byte> out, std::size_t* count);
   std::uint64_t body_left() const { return body_left_; }
-  /// Bytes that came before they were asked for.
+  /// Whether bytes after the head have been read.
   bool has_buffered_input() const { return in_.size() > head_bytes_; }
 
   void BeginWrite(const PaceLimit& pace);
-  /// False once the client has gone or its time is up; then everything further is dropped. Small
-  /// writes are gathered.
+  /// False if the client has gone or its time is used up; then further writes are dropped. Small
+  /// writes are combined.
   bool Write(std::string_view bytes);
   bool Flush();
   /// Bytes handed to the operating system since BeginWrite().
   std::uint64_t written() const { return written_; }
 
-  /// Sends one byte of `start`, which every answer begins with, before there is an answer; Write()
-  /// leaves out what was sent so. False when all of `start` has been sent. Another thread may call
-  /// it, while no other method runs.
+  /// Sends one byte of `start`, with which every answer begins, before the answer; Write() skips
+  /// these bytes. False if all of `start` has been sent. Another thread may call it while no other
+  /// method runs.
   bool SendAhead(std::string_view start);
-  /// After kClosed: whether the client has left, and has not only closed its sending side. Sends
-  /// ahead and waits up to `patience` for the client's system to refuse it.
+  /// After kClosed: whether the client has left, instead of only closing its sending side. Sends
+  /// ahead and waits up to `patience` for a reset from the client's system.
   bool HasLeft(std::string_view start, std::chrono::milliseconds patience);
 
-  /// Forgets the head; the next request may follow. The body must have been read.
+  /// Ends the request; the next may follow. The body must have been read.
   void EndRequest();
-  /// The last call. Says that nothing more will be sent, then reads a little and for a short while
-  /// what the client still sends: closing on unread bytes would make the system reset the
-  /// connection, and an answer under way would be lost. An answer that was given up is not sent on:
-  /// then the connection will be reset.
+  /// The last call. Shuts down sending, then reads for a short time what the client still sends:
+  /// closing with unread bytes would make the system reset the connection and lose the answer. If
+  /// the answer was abandoned, the connection is reset.
   void CloseGently();
 
  private:
@@ -92,14 +89,14 @@ class Connection {
   bool Send(std::string_view bytes, bool more);
 
   int fd_;
-  std::string in_;  ///< head, then bytes read beyond it
+  std::string in_;  ///< the head, then further bytes
   std::size_t head_bytes_ = 0;
   std::uint64_t body_left_ = 0;
   Pace read_pace_{PaceLimit{}};
   Pace write_pace_{PaceLimit{}};
   std::string out_;
   std::uint64_t written_ = 0;
-  std::size_t ahead_ = 0;  ///< bytes of the next answer that were sent before it
+  std::size_t ahead_ = 0;  ///< bytes of the next answer that were sent ahead
   bool broken_ = false;
 };
 

@@ -13,8 +13,8 @@ namespace {
 /// Connections refused at the same time; each holds a thread for a fraction of a second.
 constexpr std::size_t kMaxShedding = 32;
 
-/// shutdown() ends the connection, which the peer sees at once. close() alone would leave it open
-/// as long as another thread is inside a call that waits for the same file.
+/// shutdown() ends the connection at once. close() alone would leave it open while another thread
+/// is in a call that waits for the same file.
 void Close(int fd) {
   shutdown(fd, SHUT_RDWR);
   close(fd);
@@ -72,7 +72,7 @@ void ConnectionPool::Start(int fd, bool shed) {
   slot->idle_since_ = Clock::now();
   try {
     slot->thread_ = std::thread([this, slot] { Run(slot); });
-  } catch (const std::system_error&) {  // no more threads: the client may try again
+  } catch (const std::system_error&) {  // no thread available: the client may try again
     Close(fd);
     slots_.erase(slot);
     return;
@@ -84,7 +84,7 @@ void ConnectionPool::Run(std::list<Slot>::iterator slot) {
   for (;;) {
     serve_(slot->fd_, *slot);
     const std::lock_guard lock(mutex_);
-    Close(slot->fd_);  // under the lock, so that nobody shuts down a descriptor that was given away
+    Close(slot->fd_);  // under the lock, so no other thread shuts down a reused descriptor
     if (!slot->shed_ && !pending_.empty() && !stopping_) {
       slot->fd_ = pending_.front();
       pending_.pop_front();

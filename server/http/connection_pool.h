@@ -1,4 +1,4 @@
-// A thread for each connection, up to a limit, and what happens beyond it.
+// A thread for each connection, up to a limit.
 #pragma once
 
 #include <chrono>
@@ -14,23 +14,23 @@
 
 namespace kdray::server {
 
-/// The threads wait for clients; the work of a request is bounded elsewhere (admission.h). Safe
-/// from many threads at once.
+/// The threads mostly wait for clients; admission.h limits the work of requests. Safe from many
+/// threads at once.
 class ConnectionPool {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// One connection's place in the pool; belongs to its thread.
+  /// One connection in the pool; used by its thread.
   class Slot {
    public:
-    /// Between two requests: from now on the connection may be closed to let another one in. False
-    /// when it is to end now.
+    /// Between two requests: from now on the connection may be closed to accept another one. False
+    /// if it must end now.
     bool BecomeIdle();
-    /// A request has begun to arrive. False when the connection is being closed instead.
+    /// A request has begun to arrive. False if the connection is being closed.
     bool BecomeBusy();
-    /// Accepted beyond the limit: to be refused, not served.
+    /// Accepted beyond the limit: must get an error, not service.
     bool shed() const { return shed_; }
-    /// The connection is to end after the answer under way.
+    /// The connection must end after the current answer.
     bool must_close() const;
 
    private:
@@ -43,20 +43,20 @@ class ConnectionPool {
     Clock::time_point idle_since_;
     std::thread thread_;
   };
-  /// Serves the connection until it is to be closed, which the pool does. Must not throw.
+  /// Serves the connection; afterwards the pool closes it. Must not throw.
   using Serve = std::function<void(int fd, Slot& slot)>;
 
   ConnectionPool(std::size_t max_connections, Serve serve);
   ~ConnectionPool();
 
-  /// Takes over the socket. At the limit the connection that has been idle longest makes room; when
-  /// none is idle, the new one is shed; when too many are being shed already, it is closed at once.
+  /// Takes over the socket. At the limit, the longest idle connection is closed; if none is idle,
+  /// the new one is shed; if too many are being shed, it is closed at once.
   void Accept(int fd);
-  /// Closes idle connections, and the others after the answer under way.
+  /// Closes idle connections at once, others after their current answer.
   void Drain();
-  /// True when no connection is left; false at the deadline.
+  /// True if no connection is left; false at the deadline.
   bool WaitUntilEmpty(Clock::time_point deadline);
-  /// Cuts every connection and waits for its thread.
+  /// Closes every connection and waits for its thread.
   void Stop();
   std::size_t size() const;
 

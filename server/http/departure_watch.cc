@@ -14,8 +14,8 @@ namespace kdray::server {
 namespace {
 
 constexpr std::uint64_t kWakeId = 0;
-/// Doubles with every probe. A client that only half closes is disturbed a few times at most, and
-/// one that leaves later is noticed within the time that it has waited.
+/// Doubles with every probe. A client that only half closes is probed a few times, and one that
+/// leaves later is detected within the time that it has waited.
 constexpr std::chrono::milliseconds kFirstInterval{250};
 
 int Control(int epoll_fd, int operation, int fd, std::uint64_t id, std::uint32_t events) {
@@ -27,8 +27,8 @@ int Control(int epoll_fd, int operation, int fd, std::uint64_t id, std::uint32_t
 
 }  // namespace
 
-// epoll instead of poll(): a thread inside poll() holds the files that it waits for, so that
-// close() would neither end their connections nor tell the peers. epoll holds none.
+// epoll instead of poll(): a thread inside poll() holds the files that it waits for, so close()
+// would not end their connections. epoll holds none.
 DepartureWatch::DepartureWatch()
     : epoll_fd_(epoll_create1(EPOLL_CLOEXEC)), wake_fd_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
   if (epoll_fd_ < 0 || wake_fd_ < 0 ||
@@ -43,7 +43,7 @@ DepartureWatch::~DepartureWatch() {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
   }
-  // Fails only when the counter is full, and then the thread is awake already.
+  // Fails only if the counter is full, and then the thread is awake already.
   [[maybe_unused]] const int failed = eventfd_write(wake_fd_, 1);
   thread_.join();
   close(wake_fd_);
@@ -122,7 +122,7 @@ void DepartureWatch::Handle(std::uint64_t id, std::uint32_t events) {
     Remove(entry);
     return;
   }
-  // Half closed. That stays so and need not be told again; a reset always is.
+  // Half closed, which is reported once; a reset is always reported.
   Control(epoll_fd_, EPOLL_CTL_MOD, entry->second.fd, id, 0);
   entry->second.next_probe = Clock::now();
 }

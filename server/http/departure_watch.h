@@ -1,4 +1,4 @@
-// Notices clients that leave while their request is worked on, so that nobody computes for no one.
+// Detects clients that leave during the work for their request, which is then cancelled.
 #pragma once
 
 #include <chrono>
@@ -13,38 +13,36 @@
 
 namespace kdray::server {
 
-/// The client of a watched connection. Called by the watch's thread under its lock: must neither
+/// The client of a watched connection. The watch's thread calls it under its lock: it must neither
 /// block nor throw.
 class WatchedClient {
  public:
   virtual ~WatchedClient() = default;
 
-  /// Sends something to a client that has closed its sending side. A client that still waits takes
-  /// it; the system of one that has left answers with a reset. False when there is nothing to send
-  /// any more.
+  /// Sends something to a client that has closed its sending side. A waiting client receives it;
+  /// the system of one that has left answers with a reset. False if there is nothing left to send.
   virtual bool Probe() = 0;
   /// The client has left. Called at most once.
   virtual void Left() = 0;
 };
 
-/// One thread that sleeps until a watched connection is reset, or half closed by its client. TCP
-/// shows a client that has left and one that only sends nothing more in the same way, so a half
-/// closed connection is probed, at growing intervals. Safe from many threads at once.
+/// One thread that sleeps until a watched connection is reset or half closed by its client. In TCP
+/// a client that has left looks like one that only closed its sending side, so a half closed
+/// connection is probed at growing intervals. Safe from many threads at once.
 class DepartureWatch {
  public:
   DepartureWatch();
-  /// Every handle must be gone by then.
+  /// Every handle must be destroyed before.
   ~DepartureWatch();
   DepartureWatch(const DepartureWatch&) = delete;
   DepartureWatch& operator=(const DepartureWatch&) = delete;
 
-  /// Cancels `token` and tells `client` when the client leaves. Ends with the handle, which must go
-  /// before the socket is closed and before `client`. A socket is watched once at a time. When the
-  /// system refuses, the socket is not watched.
+  /// Cancels `token` and calls client.Left() when the client leaves. Ends with the handle, which
+  /// must be destroyed before the socket is closed and before `client`. A socket can be watched
+  /// once at a time. If the system refuses, the socket is not watched.
   std::shared_ptr<void> Watch(int fd, const core::CancelToken& token, WatchedClient& client);
 
-  /// Cancels whatever is watched and will be watched, without telling that its client has left: for
-  /// the server's own end.
+  /// Cancels all current and future watches without Left(): for shutdown.
   void CancelAll();
 
  private:
@@ -53,7 +51,7 @@ class DepartureWatch {
     int fd;
     core::CancelToken token;
     WatchedClient* client;
-    std::optional<Clock::time_point> next_probe;  ///< of a connection that is half closed
+    std::optional<Clock::time_point> next_probe;  ///< of a half closed connection
     Clock::duration interval;
   };
   using Entries = std::map<std::uint64_t, Entry>;

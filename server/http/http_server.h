@@ -1,6 +1,6 @@
 // The adaptor: HTTP/1.1 over TCP, by cpp-httplib 0.11 or 0.18. Its .cc is the only file that
-// includes the library, whose defaults are not fit for hostile clients; what is taken from it and
-// what is done beside it stands there.
+// includes the library, whose defaults are unsafe with hostile clients; it documents what the
+// library does and what it does not.
 #pragma once
 
 #include <chrono>
@@ -27,26 +27,27 @@ struct HttpServerOptions {
   PaceLimit answer_pace;
 };
 
-/// Serves from Start() to Stop(). A handler that throws costs its own request only (500 `internal`,
-/// without the text).
+/// Serves from Start() to Stop(). An exception of a handler affects only its own request (500
+/// `internal`, without the text).
 class HttpServer {
  public:
   /// `handler` must outlive the server.
   HttpServer(HttpServerOptions options, HttpHandler& handler);
   ~HttpServer();
 
-  /// Takes the port, alone: a second server on it fails here. Returns why it could not, for people.
+  /// Binds the port exclusively: a second server on it fails here. Returns the cause of a failure,
+  /// for people.
   std::optional<std::string> Bind();
   /// After Bind().
   int port() const;
-  /// Begins to accept, in a thread of its own. Whatever accept() reports, it goes on until Stop().
+  /// Starts accepting in a separate thread, until Stop(), whatever accept() reports.
   void Start();
-  /// Idle connections are closed, others after the answer under way; new ones are still served, one
+  /// Closes idle connections at once, others after their current answer; new ones still get one
   /// request each.
   void Drain();
-  /// After Drain(): true once no request is under way, false at the deadline.
+  /// After Drain(): true when no request is running, false at the deadline.
   bool WaitUntilIdle(std::chrono::steady_clock::time_point deadline);
-  /// Accepts no more, cuts every connection and waits for its handler.
+  /// Stops accepting, closes every connection and waits for its handler.
   void Stop();
 
  private:

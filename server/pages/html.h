@@ -1,4 +1,4 @@
-// Plain HTML pages of text: the frame and the escaping.
+// Simple HTML pages: the frame and the escaping.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@ namespace kdray::server {
 /// Text for an element or a quoted attribute.
 std::string EscapeHtml(std::string_view text);
 
-/// A whole document around `body`, which is HTML already. Needs nothing from elsewhere.
+/// A complete document around `body`, which must be HTML. Loads no other files.
 std::string TextPage(std::string_view title, std::string_view body);
 
 }  // namespace kdray::server

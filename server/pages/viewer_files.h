@@ -14,11 +14,11 @@ struct ViewerFile {
   std::string etag;
 };
 
-/// All of them; they live as long as the program.
+/// All files; their text is static.
 std::span<const ViewerFile> ViewerFiles();
 
-/// The Content-Security-Policy of the page: its own scripts and styles, pictures and requests from
-/// this server only.
+/// The Content-Security-Policy of the page: scripts, styles, pictures and requests only from this
+/// server.
 inline constexpr std::string_view kViewerPolicy =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
