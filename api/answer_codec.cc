@@ -55,6 +55,7 @@ Json TreeJson(const TreeFacts& tree) {
           {"references", tree.references},
           {"max_depth", tree.max_depth},
           {"leaf_histogram", tree.leaf_histogram},
+          {"max_leaf", tree.max_leaf},
           {"bytes", tree.bytes},
           {"sah_cost", tree.sah_cost},
           {"traversal_cost", tree.traversal_cost},

@@ -134,7 +134,8 @@ struct TreeFacts {
   Build build = Build::kKdSah;  ///< the build that was made, never kAuto
   std::uint64_t nodes = 0, leaves = 0, empty_leaves = 0, references = 0;
   std::uint32_t max_depth = 0;
-  std::vector<std::uint64_t> leaf_histogram;
+  std::vector<std::uint64_t> leaf_histogram;  ///< [65] counts all leaves beyond 64 triangles
+  std::uint64_t max_leaf = 0;                 ///< triangles of the largest leaf
   std::uint64_t bytes = 0;
   double sah_cost = 0, traversal_cost = 0, intersection_cost = 0, parse_ms = 0, build_ms = 0;
 };

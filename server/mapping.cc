@@ -100,6 +100,7 @@ api::TreeFacts DescribeTree(const core::TreeFacts& facts, double parse_ms) {
   tree.references = stats.references;
   tree.max_depth = stats.max_depth;
   tree.leaf_histogram = stats.leaf_histogram;
+  tree.max_leaf = stats.max_leaf;
   tree.bytes = stats.bytes;
   tree.sah_cost = stats.sah_cost;
   tree.traversal_cost = stats.traversal_cost;

@@ -79,12 +79,16 @@ function treeFacts(tree) {
     ['Leaves', `${countText(tree.leaves)} (${countText(tree.empty_leaves)} empty)`],
     ['References', countText(tree.references)],
     ['Depth', countText(tree.max_depth)],
+    ['Largest leaf', countText(tree.max_leaf)],
     ['Memory', bytesText(tree.bytes)],
     ['SAH cost', shortNumber(tree.sah_cost)],
     ['Read in', millisecondsText(tree.parse_ms)],
     ['Built in', millisecondsText(tree.build_ms)],
   ];
 }
+
+/** Entry 65 counts all leaves with more than 64 triangles. */
+const leafText = (triangles) => (triangles > 64 ? 'more than 64' : String(triangles));
 
 function showHistogram(leaves) {
   const figure = byId('leaves');
@@ -93,7 +97,7 @@ function showHistogram(leaves) {
   const most = Math.max(...leaves);
   const bars = leaves.map((number, triangles) => {
     const bar = element('span', {
-      title: `${countText(number)} leaves with ${triangles} triangles`,
+      title: `${countText(number)} leaves with ${leafText(triangles)} triangles`,
     });
     bar.style.height = `${(100 * number) / most}%`;
     return bar;
@@ -101,7 +105,7 @@ function showHistogram(leaves) {
   byId('leaf-bars').replaceChildren(...bars);
   const peak = leaves.indexOf(most);
   byId('leaf-bars').ariaLabel =
-    `From 0 to ${leaves.length - 1} triangles; most leaves, ${countText(most)}, have ${peak}.`;
+    `From 0 to ${leafText(leaves.length - 1)} triangles; most leaves, ${countText(most)}, have ${leafText(peak)}.`;
 }
 
 /** `hit` as the service answers it; undefined hides the panel. */

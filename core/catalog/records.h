@@ -15,6 +15,7 @@ struct TreeRecord {
   TreeId id;
   std::int64_t created_ms = 0;    ///< since 1970, UTC
   std::uint64_t mesh_bytes = 0;   ///< size of the mesh file
+  std::uint32_t resumed = 0;      ///< starts that resumed its build and did not end it
   std::optional<MeshFacts> mesh;  ///< nullopt before it was parsed
   std::optional<TreeFacts> tree;  ///< nullopt: a build is due
   friend bool operator==(const TreeRecord&, const TreeRecord&) = default;

@@ -13,7 +13,11 @@ namespace kdray::core {
 namespace {
 
 // Increment the version when the layout below, or the meaning of a fact, changes.
-constexpr FileKind kRecordFileKind{"kdraycat", 2};
+constexpr FileKind kRecordFileKind{"kdraycat", 3, 1};
+// Readers of meshes have changed since the facts of version 1 were found.
+constexpr std::uint32_t kFirstWithTheseMeshFacts = 2;
+constexpr std::uint32_t kFirstWithMaxLeaf = 3;
+constexpr std::uint32_t kFirstWithResumes = 3;
 
 void PutTreeFacts(const TreeFacts& facts, CheckedWriter* writer) {
   PutEnum(facts.build, writer);
@@ -21,11 +25,17 @@ void PutTreeFacts(const TreeFacts& facts, CheckedWriter* writer) {
   writer->Put(facts.build_ms);
 }
 
-TreeFacts GetTreeFacts(CheckedReader* reader) {
+// nullopt when the record does not tell all of them: then a build is due.
+std::optional<TreeFacts> GetTreeFacts(CheckedReader* reader) {
   TreeFacts facts;
   facts.build = GetEnum(BuildKind::kBox, reader);
-  facts.stats = GetTreeStats(reader);
+  std::optional<TreeStats> stats =
+      GetTreeStats(reader->version() < kFirstWithMaxLeaf ? TreeStatsLayout::kWithoutMaxLeaf
+                                                         : TreeStatsLayout::kWithMaxLeaf,
+                   reader);
   facts.build_ms = reader->Get<double>();
+  if (!stats) return std::nullopt;
+  facts.stats = *std::move(stats);
   return facts;
 }
 
@@ -39,6 +49,7 @@ Status Catalog::Save(const TreeRecord& record) {
   writer.PutArray(std::span(name));
   writer.Put(record.created_ms);
   writer.Put(record.mesh_bytes);
+  writer.Put(record.resumed);
   PutBool(record.mesh.has_value(), &writer);
   if (record.mesh) PutMeshFacts(*record.mesh, &writer);
   PutBool(record.tree.has_value(), &writer);
@@ -59,8 +70,13 @@ Result<TreeRecord> Catalog::Read(const TreeId& id) const {
   record.id = id;
   record.created_ms = reader.Get<std::int64_t>();
   record.mesh_bytes = reader.Get<std::uint64_t>();
-  if (GetBool(&reader)) record.mesh = GetMeshFacts(&reader);
-  if (GetBool(&reader)) record.tree = GetTreeFacts(&reader);
+  if (reader.version() >= kFirstWithResumes) record.resumed = reader.Get<std::uint32_t>();
+  if (reader.version() < kFirstWithTheseMeshFacts) {
+    reader.SkipRest();
+  } else {
+    if (GetBool(&reader)) record.mesh = GetMeshFacts(&reader);
+    if (GetBool(&reader)) record.tree = GetTreeFacts(&reader);
+  }
   if (Status status = reader.Finish(); !status.ok()) return std::move(status).error();
   return record;
 }

@@ -83,7 +83,7 @@ Result<NewBlob> CheckedWriter::Finish() && {
 }
 
 CheckedReader::CheckedReader(std::unique_ptr<ReadableFile> file, const FileKind& kind)
-    : file_(std::move(file)) {
+    : file_(std::move(file)), version_(kind.version) {
   const std::uint64_t size = file_->size();
   if (size < sizeof(Header) + sizeof(Footer)) {
     status_ = Corrupt("is too short");
@@ -93,9 +93,10 @@ CheckedReader::CheckedReader(std::unique_ptr<ReadableFile> file, const FileKind&
   remaining_ = sizeof(Header);
   Header header;
   GetBytes(std::as_writable_bytes(std::span(&header, 1)));
-  if (status_.ok() && header != HeaderOf(kind)) {
-    status_ = Corrupt("has another format or version");
-  }
+  if (header.version >= kind.oldest && header.version < kind.version) version_ = header.version;
+  Header expected = HeaderOf(kind);
+  expected.version = version_;
+  if (status_.ok() && header != expected) status_ = Corrupt("has another format or version");
   remaining_ = payload_bytes_;
 }
 
@@ -138,6 +139,14 @@ bool CheckedReader::Fill(std::span<std::byte> out) {
 
 void CheckedReader::Fail() {
   if (status_.ok()) status_ = Corrupt("contains an invalid value");
+}
+
+void CheckedReader::SkipRest() {
+  std::array<std::byte, 4096> piece;
+  while (status_.ok() && remaining_ != 0) {
+    const std::uint64_t bytes = std::min<std::uint64_t>(remaining_, piece.size());
+    GetBytes(std::span(piece).first(static_cast<std::size_t>(bytes)));
+  }
 }
 
 Status CheckedReader::Finish() {

@@ -23,8 +23,9 @@ namespace kdray::core {
 
 /// What kind of file, and which version of its payload.
 struct FileKind {
-  std::string_view magic;  ///< exactly 8 characters
-  std::uint32_t version;
+  std::string_view magic;          ///< exactly 8 characters
+  std::uint32_t version;           ///< of what is written
+  std::uint32_t oldest = version;  ///< that is still read
 };
 
 /// Types whose bytes may stand in a file: no pointers, no padding that would make equal values
@@ -109,6 +110,10 @@ class CheckedReader {
     if (!status_.ok()) values->clear();
   }
   void GetBytes(std::span<std::byte> out);
+  /// Passes over the rest of the payload, which is checked like all of it.
+  void SkipRest();
+  /// Of the file, from `oldest` to `version` of its kind; `version` when the header is wrong.
+  std::uint32_t version() const { return version_; }
   /// The reader of a payload found something that cannot be.
   void Fail();
 
@@ -126,6 +131,7 @@ class CheckedReader {
   std::uint64_t offset_ = 0;     // in the file, behind buffer_
   std::uint64_t remaining_ = 0;  // payload not handed out yet
   std::uint64_t payload_bytes_ = 0;
+  std::uint32_t version_ = 0;
   Status status_;
 };
 

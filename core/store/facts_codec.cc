@@ -70,6 +70,7 @@ void PutTreeStats(const TreeStats& stats, CheckedWriter* writer) {
   writer->Put(stats.references);
   writer->Put(stats.max_depth);
   writer->PutArray(std::span(stats.leaf_histogram));
+  writer->Put(stats.max_leaf);
   writer->Put(stats.bytes);
   writer->Put(stats.sah_cost);
   writer->Put(stats.traversal_cost);
@@ -78,18 +79,28 @@ void PutTreeStats(const TreeStats& stats, CheckedWriter* writer) {
 
 namespace {
 
-// Older files have an entry for every size up to that of the fullest leaf.
-void JoinLargeLeaves(std::vector<std::uint64_t>* histogram) {
-  constexpr std::size_t kEntries = 66;  // TreeStats::leaf_histogram
-  if (histogram->size() <= kEntries) return;
-  std::vector<std::uint64_t> joined(histogram->begin(), histogram->begin() + kEntries);
-  for (std::size_t i = kEntries; i < histogram->size(); ++i) joined.back() += (*histogram)[i];
-  *histogram = std::move(joined);
+constexpr std::size_t kHistogramEntries = TreeStats::kHistogramLeaf + 2;
+
+// The largest leaf by a histogram of the layout without max_leaf. It has an entry for every size up
+// to that of the largest leaf, or it was capped: then its last entry counts leaves of any size.
+std::optional<std::uint64_t> LargestLeaf(const std::vector<std::uint64_t>& histogram) {
+  if (histogram.size() == kHistogramEntries) return std::nullopt;
+  return histogram.empty() ? 0 : histogram.size() - 1;
+}
+
+// One entry for all leaves beyond kHistogramLeaf.
+void CapHistogram(std::vector<std::uint64_t>* histogram) {
+  if (histogram->size() <= kHistogramEntries) return;
+  std::vector<std::uint64_t> capped(histogram->begin(), histogram->begin() + kHistogramEntries);
+  for (std::size_t i = kHistogramEntries; i < histogram->size(); ++i) {
+    capped.back() += (*histogram)[i];
+  }
+  *histogram = std::move(capped);
 }
 
 }  // namespace
 
-TreeStats GetTreeStats(CheckedReader* reader) {
+std::optional<TreeStats> GetTreeStats(TreeStatsLayout layout, CheckedReader* reader) {
   TreeStats stats;
   stats.nodes = reader->Get<std::uint64_t>();
   stats.leaves = reader->Get<std::uint64_t>();
@@ -97,11 +108,20 @@ TreeStats GetTreeStats(CheckedReader* reader) {
   stats.references = reader->Get<std::uint64_t>();
   stats.max_depth = reader->Get<std::uint32_t>();
   stats.leaf_histogram = reader->GetArray<std::uint64_t>();
-  JoinLargeLeaves(&stats.leaf_histogram);
+  std::optional<std::uint64_t> max_leaf;
+  if (layout == TreeStatsLayout::kWithMaxLeaf) {
+    if (stats.leaf_histogram.size() > kHistogramEntries) reader->Fail();
+    max_leaf = reader->Get<std::uint64_t>();
+  } else {
+    max_leaf = LargestLeaf(stats.leaf_histogram);
+    CapHistogram(&stats.leaf_histogram);
+  }
   stats.bytes = reader->Get<std::uint64_t>();
   stats.sah_cost = reader->Get<double>();
   stats.traversal_cost = reader->Get<double>();
   stats.intersection_cost = reader->Get<double>();
+  if (!max_leaf) return std::nullopt;
+  stats.max_leaf = *max_leaf;
   return stats;
 }
 

@@ -1,6 +1,9 @@
 // The encoding of facts about meshes and trees in stored files.
 #pragma once
 
+#include <cstdint>
+#include <optional>
+
 #include "core/catalog/facts.h"
 #include "core/store/checked_file.h"
 
@@ -33,7 +36,13 @@ bool GetBool(CheckedReader* reader);
 void PutMeshFacts(const MeshFacts& facts, CheckedWriter* writer);
 MeshFacts GetMeshFacts(CheckedReader* reader);
 
+/// How TreeStats stand in a file: older files do not tell max_leaf.
+enum class TreeStatsLayout : std::uint8_t { kWithoutMaxLeaf, kWithMaxLeaf };
+
+/// Writes kWithMaxLeaf.
 void PutTreeStats(const TreeStats& stats, CheckedWriter* writer);
-TreeStats GetTreeStats(CheckedReader* reader);
+/// nullopt when a file without max_leaf does not let it be derived: its histogram counts the leaves
+/// beyond TreeStats::kHistogramLeaf together. Then the tree has to be made again.
+std::optional<TreeStats> GetTreeStats(TreeStatsLayout layout, CheckedReader* reader);
 
 }  // namespace kdray::core

@@ -1,5 +1,6 @@
 #include "core/store/tree_file.h"
 
+#include <optional>
 #include <utility>
 
 #include "core/store/checked_file.h"
@@ -15,7 +16,8 @@ inline constexpr bool kStorable<LeafBlock> = true;
 namespace {
 
 // Increment the version when the layout below, or that of a node or block, changes.
-constexpr FileKind kTreeFileKind{"kdraytre", 2};
+constexpr FileKind kTreeFileKind{"kdraytre", 3, 2};
+constexpr std::uint32_t kFirstWithMaxLeaf = 3;
 
 void PutWideTree(const WideTree& tree, CheckedWriter* writer) {
   writer->Put(tree.bounds);
@@ -56,7 +58,15 @@ Result<Tree> ReadTreeFile(const TreeFileKey& key, std::unique_ptr<ReadableFile> 
   Tree tree;
   tree.build = key.build;
   GetWideTree(&reader, &tree.wide);
-  tree.stats = GetTreeStats(&reader);
+  std::optional<TreeStats> stats =
+      GetTreeStats(reader.version() < kFirstWithMaxLeaf ? TreeStatsLayout::kWithoutMaxLeaf
+                                                        : TreeStatsLayout::kWithMaxLeaf,
+                   &reader);
+  if (stats) {
+    tree.stats = *std::move(stats);
+  } else {
+    reader.Fail();
+  }
   Status status = reader.Finish();
   if (status.ok()) status = tree.wide.Validate(key.triangle_count);
   if (!status.ok()) return std::move(status).error();

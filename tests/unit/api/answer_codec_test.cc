@@ -78,11 +78,13 @@ TEST(Descriptions, SayWhatIsKnownSoFar) {
   tree.tree = TreeFacts{};
   tree.tree->build = Build::kBox;
   tree.tree->leaf_histogram = {0, 3};
+  tree.tree->max_leaf = 1;
   tree.plan = "a box";
   parsed = json::parse(EncodeDescription(tree));
   EXPECT_EQ(parsed["state"], "ready");
   EXPECT_EQ(parsed["tree"]["build"], "box");
   EXPECT_EQ(parsed["tree"]["leaf_histogram"], json::parse("[0,3]"));
+  EXPECT_EQ(parsed["tree"]["max_leaf"], 1);
   EXPECT_EQ(parsed["plan"], "a box");
 }
 

@@ -41,6 +41,7 @@ core::TreeRecord ReadyRecord() {
   tree.stats.references = 120;
   tree.stats.max_depth = 3;
   tree.stats.leaf_histogram = {1, 0, 3};
+  tree.stats.max_leaf = 2;
   tree.stats.bytes = 999;
   tree.stats.sah_cost = 12.5;
   tree.stats.traversal_cost = 1;
@@ -153,6 +154,7 @@ TEST(Mapping, ADescriptionTellsAllFacts) {
   EXPECT_EQ(d.tree->references, 120u);
   EXPECT_EQ(d.tree->max_depth, 3u);
   EXPECT_EQ(d.tree->leaf_histogram, (std::vector<std::uint64_t>{1, 0, 3}));
+  EXPECT_EQ(d.tree->max_leaf, 2u);
   EXPECT_EQ(d.tree->bytes, 999u);
   EXPECT_EQ(d.tree->sah_cost, 12.5);
   EXPECT_EQ(d.tree->traversal_cost, 1);

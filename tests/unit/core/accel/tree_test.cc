@@ -156,6 +156,10 @@ TEST(BuildTree, CountsWhatIsThere) {
           EXPECT_EQ(stats.references, recount.references);
           EXPECT_EQ(stats.max_depth, recount.max_depth);
           EXPECT_EQ(stats.leaf_histogram, recount.leaf_histogram);
+          const auto largest = std::max_element(
+              leaves.begin(), leaves.end(),
+              [](const auto& a, const auto& b) { return a.triangles < b.triangles; });
+          EXPECT_EQ(stats.max_leaf, largest->triangles);
           EXPECT_EQ(stats.nodes, interior + recount.leaves);
           EXPECT_NEAR(stats.sah_cost, cost / root.bounds.SurfaceArea(), 1e-9 * stats.sah_cost);
         },
@@ -176,6 +180,7 @@ TEST(TreeStats, CountLargeLeavesTogether) {
   EXPECT_EQ(stats.leaf_histogram[3], 2u);
   EXPECT_EQ(stats.leaf_histogram[64], 1u);
   EXPECT_EQ(stats.leaf_histogram[65], 3u);
+  EXPECT_EQ(stats.max_leaf, 1'000'000'000u);
 }
 
 TEST(BuildTree, StopsWhenItIsCancelledOrLate) {

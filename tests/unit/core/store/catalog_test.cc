@@ -4,10 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstring>
 #include <string>
 #include <vector>
 
 #include "core/base/hash.h"
+#include "core/store/checked_file.h"
+#include "core/store/facts_codec.h"
 #include "tests/support/mesh_files.h"
 #include "tests/support/simulated_disk.h"
 
@@ -22,6 +25,7 @@ TreeRecord PendingRecord(std::string_view mesh, std::optional<BuildKind> build) 
   record.id = {HashBytes(Bytes(mesh)), build};
   record.created_ms = 1'700'000'000'123;
   record.mesh_bytes = 4711;
+  record.resumed = 1;
   return record;
 }
 
@@ -45,6 +49,7 @@ TreeRecord ReadyRecord(std::string_view mesh) {
   tree.build = BuildKind::kBox;
   tree.stats.nodes = 1;
   tree.stats.leaf_histogram = {0, 0, 0, 1};
+  tree.stats.max_leaf = 3;
   tree.stats.sah_cost = 12.5;
   tree.build_ms = 0.25;
   record.tree = tree;
@@ -78,20 +83,96 @@ TEST_F(CatalogTest, GivesBackWhatWasSaved) {
   EXPECT_EQ(contents.damaged, 0u);
 }
 
-TEST_F(CatalogTest, JoinsTheLargeLeavesOfAnOlderRecord) {
+// Version 2 did not tell max_leaf and `resumed`.
+void SaveAsVersion2(const TreeRecord& record, SimulatedDisk* disk) {
+  BlobStore blobs(disk, "catalog");
+  CheckedWriter writer(blobs.Create().value(), FileKind{"kdraycat", 2});
+  const std::string name = record.id.ToString();
+  writer.PutArray(std::span(name));
+  writer.Put(record.created_ms);
+  writer.Put(record.mesh_bytes);
+  PutBool(true, &writer);
+  PutMeshFacts(record.mesh.value(), &writer);
+  PutBool(true, &writer);
+  PutEnum(record.tree->build, &writer);
+  const TreeStats& stats = record.tree->stats;
+  writer.Put(stats.nodes);
+  writer.Put(stats.leaves);
+  writer.Put(stats.empty_leaves);
+  writer.Put(stats.references);
+  writer.Put(stats.max_depth);
+  writer.PutArray(std::span(stats.leaf_histogram));
+  writer.Put(stats.bytes);
+  writer.Put(stats.sah_cost);
+  writer.Put(stats.traversal_cost);
+  writer.Put(stats.intersection_cost);
+  writer.Put(record.tree->build_ms);
+  ASSERT_TRUE(std::move(writer).Finish()->Commit(name).ok());
+}
+
+TEST_F(CatalogTest, ARecordOfVersion2HasTheLargestLeafThatItsHistogramTells) {
   TreeRecord record = ReadyRecord("a");
+  record.resumed = 0;
   std::vector<std::uint64_t>& histogram = record.tree->stats.leaf_histogram;
-  histogram.assign(100'001, 0);
-  histogram[3] = 7;
-  histogram[65] = 1;
-  histogram[100'000] = 2;
-  ASSERT_TRUE(catalog_.Save(record).ok());
-  histogram.assign(66, 0);
-  histogram[3] = 7;
-  histogram[65] = 3;
+  for (const std::size_t largest : {0u, 3u, 64u, 66u, 100'000u}) {
+    histogram.assign(largest + 1, 0);
+    histogram[largest] = 2;
+    if (largest > 66) histogram[65] = 1;
+    SaveAsVersion2(record, &disk_);
+    TreeRecord expected = record;
+    expected.tree->stats.max_leaf = largest;
+    if (largest > 65) {
+      expected.tree->stats.leaf_histogram.resize(66);
+      expected.tree->stats.leaf_histogram[65] = largest > 66 ? 3 : 2;
+    }
+    const Catalog::Contents contents = Load();
+    EXPECT_THAT(contents.records, testing::ElementsAre(expected)) << largest;
+    EXPECT_EQ(contents.damaged, 0u);
+  }
+}
+
+TEST_F(CatalogTest, ARecordOfVersion2WithACappedHistogramIsDueForABuild) {
+  TreeRecord record = ReadyRecord("a");
+  record.resumed = 0;
+  record.tree->stats.leaf_histogram.assign(66, 1);
+  SaveAsVersion2(record, &disk_);
+  record.tree.reset();
   const Catalog::Contents contents = Load();
   EXPECT_THAT(contents.records, testing::ElementsAre(record));
   EXPECT_EQ(contents.damaged, 0u);
+}
+
+TEST_F(CatalogTest, ARecordOfVersion1KeepsItsAgeAndIsDueForABuild) {
+  TreeRecord record = PendingRecord("a", BuildKind::kBvh);
+  record.resumed = 0;
+  BlobStore blobs(&disk_, "catalog");
+  CheckedWriter writer(blobs.Create().value(), FileKind{"kdraycat", 1});
+  const std::string name = record.id.ToString();
+  writer.PutArray(std::span(name));
+  writer.Put(record.created_ms);
+  writer.Put(record.mesh_bytes);
+  writer.PutArray(std::span<const std::uint64_t>(std::vector<std::uint64_t>(100'001)));
+  ASSERT_TRUE(std::move(writer).Finish()->Commit(name).ok());
+  const std::vector<std::byte> good = disk_.Contents(FileOf(record)).value();
+  EXPECT_THAT(Load().records, testing::ElementsAre(record));
+  EXPECT_EQ(Load().damaged, 0u);
+  for (const std::size_t i : {std::size_t{100}, std::size_t{5000}, good.size() - 50}) {
+    std::vector<std::byte> bad = good;
+    bad[i] ^= std::byte{4};
+    disk_.SetContents(FileOf(record), bad);
+    EXPECT_EQ(Load().damaged, 1u) << "what is passed over is checked too";
+  }
+}
+
+TEST_F(CatalogTest, ARecordOfALaterVersionIsNotRead) {
+  const TreeRecord record = PendingRecord("a", BuildKind::kBvh);
+  ASSERT_TRUE(catalog_.Save(record).ok());
+  std::vector<std::byte> bytes = disk_.Contents(FileOf(record)).value();
+  bytes[8] = std::byte{4};
+  const Sha256Digest digest = HashBytes(std::span<const std::byte>(bytes).first(bytes.size() - 32));
+  std::memcpy(bytes.data() + bytes.size() - 32, digest.bytes.data(), 32);
+  disk_.SetContents(FileOf(record), bytes);
+  EXPECT_EQ(Load().damaged, 1u);
 }
 
 TEST_F(CatalogTest, ReplacesAndRemoves) {

@@ -204,6 +204,39 @@ TEST(TreeFile, OfAnotherFormatVersionOrByteOrderIsRefusedThoughItsDigestFits) {
   }
 }
 
+// As version 2 stored it, without max_leaf: the statistics end with max_leaf and four numbers of 8
+// bytes, then comes the footer of 40.
+FileBytes AsVersion2(const StoredTree& stored) {
+  FileBytes bytes = stored.bytes;
+  const std::size_t max_leaf_at = bytes.size() - 40 - 5 * 8;
+  std::uint64_t max_leaf = 0;
+  std::memcpy(&max_leaf, bytes.data() + max_leaf_at, sizeof max_leaf);
+  EXPECT_EQ(max_leaf, stored.tree.stats.max_leaf) << "the test knows the layout";
+  const auto first = bytes.begin() + static_cast<std::ptrdiff_t>(max_leaf_at);
+  bytes.erase(first, first + 8);
+  bytes[8] = std::byte{2};
+  const std::uint64_t payload_bytes = bytes.size() - 16 - 40;
+  std::memcpy(bytes.data() + bytes.size() - 40, &payload_bytes, sizeof payload_bytes);
+  FixDigest(&bytes);
+  return bytes;
+}
+
+TEST(TreeFile, OfVersion2IsReadWhenItTellsTheLargestLeaf) {
+  for (const BuildKind build : kAllBuildKinds) {
+    const StoredTree stored = StoreSphere(build);
+    const Result<Tree> read = Read(stored.key, AsVersion2(stored));
+    if (build == BuildKind::kBox) {
+      ASSERT_EQ(stored.tree.stats.leaf_histogram.size(), 66u);
+      ASSERT_FALSE(read.ok()) << "its one leaf has more than 64 triangles: how many is not told";
+      EXPECT_EQ(read.error().code, ErrorCode::kCorrupt);
+      continue;
+    }
+    ASSERT_TRUE(read.ok()) << Name(build) << ": " << read.error().message;
+    EXPECT_EQ(read->stats, stored.tree.stats);
+    EXPECT_EQ(Write(stored.key, *read), stored.bytes) << Name(build);
+  }
+}
+
 TEST(TreeFile, WithACountBeyondItsLengthAllocatesNothingForIt) {
   const StoredTree stored = StoreSphere(BuildKind::kKdSah);
   // Header 16, digest 32, triangles 8, build 1, revision 4, bounds 24, root 4, stack 4; then the
