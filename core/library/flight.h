@@ -20,7 +20,10 @@ struct TreeLibrary::Flight {
 
   const TreeId id;
   SceneSource::Watch watch;
-  MemoryCharge pledge;  // returned when it lands
+  bool is_resumed = false;    // begun by a start, not by a request
+  bool is_asked_for = false;  // somebody has asked for its tree
+  bool is_counted = false;    // in TreeRecord::resumed; the worker's
+  MemoryCharge pledge;        // returned when it lands
   bool done = false;
   std::optional<Error> error;  // set at the end if there is no tree
   std::optional<Scene> scene;  // set at the end without an error

@@ -15,6 +15,9 @@ using SteadyClock = std::chrono::steady_clock;
 // Poll interval of waiters; CancelToken has no notification.
 constexpr std::chrono::milliseconds kLookAgain{50};
 
+// A build that was cut off is resumed by at most this many starts in a row.
+constexpr std::uint32_t kMaxResumes = 2;
+
 std::int64_t NowMs() {
   return std::chrono::duration_cast<std::chrono::milliseconds>(
              std::chrono::system_clock::now().time_since_epoch())
@@ -63,7 +66,8 @@ void TreeLibrary::Adopt(SceneStore::Contents contents) {
     by_age_.insert({record.created_ms, id});
     Entry& entry = entries_[id];
     entry.record = std::move(record);
-    if (!entry.record.tree) StartFlight(&entry, MemoryCharge());
+    if (entry.record.tree || entry.record.resumed >= kMaxResumes) continue;
+    StartFlight(&entry, MemoryCharge(), true);
   }
 }
 
@@ -271,7 +275,11 @@ Result<TreeLibrary::Added> TreeLibrary::AddAgain(const TreeId& id, MemoryCharge 
   Entry& entry = entries_.at(id);
   entry.is_in_doubt = false;
   entry.failure.reset();  // a new request tries again
-  if (!entry.record.tree && !entry.flight) StartFlight(&entry, std::move(pledge));
+  if (entry.flight) {
+    entry.flight->is_asked_for = true;
+  } else if (!entry.record.tree) {
+    StartFlight(&entry, std::move(pledge));
+  }
   return Added{id, true};
 }
 

@@ -64,9 +64,10 @@ struct LibraryCounters {
 /// kNotFound, or the error of its failed build (those of SceneSource::Fetch).
 class TreeLibrary {
  public:
-  /// Reads the stored records and resumes interrupted builds. A tree whose mesh cannot be read
-  /// stays; its mesh is kCorrupt until the same bytes are uploaded again. Errors: SceneStore::Open
-  /// and Load.
+  /// Reads the stored records and resumes interrupted builds. A build that two starts resumed, and
+  /// neither finished nor stopped in an orderly Shutdown, may be what ends the process. It waits
+  /// until its tree is asked for. A tree whose mesh cannot be read stays; its mesh is kCorrupt until
+  /// the same bytes are uploaded again. Errors: SceneStore::Open and Load.
   static Result<std::unique_ptr<TreeLibrary>> Open(const LibraryOptions& options);
   ~TreeLibrary();
 
@@ -191,7 +192,7 @@ class TreeLibrary {
   bool IsWanted(const Sha256Digest& mesh, BuildKind build);  // by any id
   std::optional<Scene> FindInMemory(const Entry& entry);
   std::optional<Error> EnsureFlight(Entry* entry);  // the error if there cannot be one
-  void StartFlight(Entry* entry, MemoryCharge pledge);
+  void StartFlight(Entry* entry, MemoryCharge pledge, bool is_resumed = false);
   static void Land(Entry* entry, std::optional<Error> error) noexcept;
   Entry* EntryOf(const Flight& flight);
   void MakeWayForFailure();
@@ -201,6 +202,8 @@ class TreeLibrary {
   // The worker's side:
   void Fly(const std::shared_ptr<Flight>& flight) noexcept;
   void FlyNow(const std::shared_ptr<Flight>& flight);
+  bool CountResume(Flight* flight);
+  void UncountResume(const TreeId& id);
   void GiveUp(Flight* flight, Error error) noexcept;
   void EraseUnwanted(const Sha256Digest& mesh) noexcept;
   bool Succeed(Flight* flight, const SceneSource::Fetched& fetched);

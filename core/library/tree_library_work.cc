@@ -41,7 +41,10 @@ std::optional<Scene> TreeLibrary::FindInMemory(const Entry& entry) {
 }
 
 std::optional<Error> TreeLibrary::EnsureFlight(Entry* entry) {
-  if (entry->flight) return std::nullopt;
+  if (entry->flight) {
+    entry->flight->is_asked_for = true;
+    return std::nullopt;
+  }
   if (entry->failure) {
     if (SteadyClock::now() < entry->failure->until) return entry->failure->error;
     entry->failure.reset();
@@ -53,10 +56,12 @@ std::optional<Error> TreeLibrary::EnsureFlight(Entry* entry) {
 
 // Submits the job first: a flight without a job would be waited for for ever. The job waits for
 // mutex_.
-void TreeLibrary::StartFlight(Entry* entry, MemoryCharge pledge) {
+void TreeLibrary::StartFlight(Entry* entry, MemoryCharge pledge, bool is_resumed) {
   if (shut_down_) return;
   const TreeRecord& record = entry->record;
   auto flight = std::make_shared<Flight>(record.id, std::move(pledge));
+  flight->is_resumed = is_resumed;
+  flight->is_asked_for = !is_resumed;
   queue_.Submit(record.id.mesh, LaneOf(record), [this, flight] { Fly(flight); });
   entry->flight = std::move(flight);
 }
@@ -108,7 +113,50 @@ void TreeLibrary::EraseUnwanted(const Sha256Digest& mesh) noexcept {
   }
 }
 
+// Notes on disk that this start resumes the build, before it does: should it end the process, the
+// next start knows. False when there is nothing to do: the tree is gone, or the disk does not take
+// the note and nobody has asked for the tree.
+bool TreeLibrary::CountResume(Flight* flight) {
+  const std::lock_guard files_lock(MeshMutex(flight->id.mesh));
+  TreeRecord record;
+  {
+    const std::lock_guard lock(mutex_);
+    const Entry* entry = EntryOf(*flight);
+    if (entry == nullptr) return false;
+    record = entry->record;
+  }
+  ++record.resumed;
+  const bool is_noted = store_->SaveRecord(record).ok();
+  const std::lock_guard lock(mutex_);
+  Entry* entry = EntryOf(*flight);
+  if (entry == nullptr) return false;
+  if (is_noted) {
+    entry->record.resumed = record.resumed;
+    flight->is_counted = true;
+  } else if (!flight->is_asked_for) {
+    Land(entry, std::nullopt);  // nobody waits for it
+    return false;
+  }
+  return true;
+}
+
+// After CountResume, when the library shuts down before the build has ended.
+void TreeLibrary::UncountResume(const TreeId& id) {
+  const std::lock_guard files_lock(MeshMutex(id.mesh));
+  TreeRecord record;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = entries_.find(id);
+    if (!shut_down_ || found == entries_.end()) return;
+    record = found->second.record;
+  }
+  if (record.tree || record.resumed == 0) return;
+  --record.resumed;
+  (void)store_->SaveRecord(record);
+}
+
 void TreeLibrary::FlyNow(const std::shared_ptr<Flight>& flight) {
+  if (flight->is_resumed && !CountResume(flight.get())) return;
   TreeRecord record;
   {
     const std::lock_guard lock(mutex_);
@@ -129,6 +177,7 @@ void TreeLibrary::FlyNow(const std::shared_ptr<Flight>& flight) {
   } else {
     Fail(flight.get(), fetched.error());
   }
+  if (flight->is_counted) UncountResume(flight->id);
 }
 
 // The error's copy must not allocate. No effect on a flight that has landed.
@@ -156,6 +205,7 @@ bool TreeLibrary::Succeed(Flight* flight, const SceneSource::Fetched& fetched) {
     }
   }
   if (record.tree && fetched.was_built) ++rebuilds_;
+  record.resumed = 0;
   record.mesh = std::move(mesh_facts);
   record.tree = std::move(facts);
   entry->failure.reset();
