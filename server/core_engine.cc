@@ -233,7 +233,8 @@ class RealEngine final : public CoreEngine {
           answer->image = *std::move(bytes);
           answer->encode_ms = MillisecondsSince(encode_start);
           return {};
-        });
+        },
+        request.cells_depth ? Form::kWithBinary : Form::kWide);
     // Depths are checked before: only their number of cells can be wrong.
     if (!rendered && rendered.problem().parameter == "cells_depth") {
       return TooManyCells("cells_depth", *request.cells_depth, limits_.max_picture_cells);
@@ -243,7 +244,7 @@ class RealEngine final : public CoreEngine {
 
   api::Outcome<std::vector<api::Cell>> Cells(std::string_view id, std::uint32_t depth,
                                              const CancelToken& cancel) override {
-    const auto scene = Load(id, cancel);
+    const auto scene = Load(id, Form::kWithBinary, cancel);
     if (!scene.ok()) return scene.problem();
     const auto cells = scene->Cells(depth, static_cast<std::size_t>(limits_.max_cells), cancel);
     if (!cells.ok() && cells.error().code == core::ErrorCode::kInvalidArgument) {
@@ -297,16 +298,29 @@ class RealEngine final : public CoreEngine {
 
   EngineCounters counters() const override {
     const core::LibraryCounters c = library_->counters();
-    return {c.parses,           c.builds,       c.loads,       c.rebuilds, c.damaged_files,
-            c.evictions,        c.memory_bytes, c.store_bytes, c.trees,    c.unrecorded_meshes,
-            c.unreadable_meshes};
+    return {c.parses,
+            c.builds,
+            c.loads,
+            c.rebuilds,
+            c.damaged_files,
+            c.evictions,
+            c.memory_bytes,
+            c.store_bytes,
+            c.trees,
+            c.unrecorded_meshes,
+            c.unreadable_meshes,
+            c.binary_rebuilds};
   }
 
  private:
-  api::Outcome<core::Scene> Load(std::string_view id, const CancelToken& cancel) {
+  /// What a request needs of a tree.
+  enum class Form : std::uint8_t { kWide, kWithBinary };
+
+  api::Outcome<core::Scene> Load(std::string_view id, Form form, const CancelToken& cancel) {
     const api::Outcome<core::TreeId> tree_id = ToTreeId(id);
     if (!tree_id.ok()) return tree_id.problem();
-    auto scene = library_->Load(*tree_id, cancel);
+    auto scene = form == Form::kWide ? library_->Load(*tree_id, cancel)
+                                     : library_->LoadWithBinary(*tree_id, cancel);
     if (scene.ok()) return *std::move(scene);
     api::Problem problem = ToProblem(scene.error());
     if (scene.error().code == core::ErrorCode::kDeadlineExceeded) {
@@ -324,8 +338,8 @@ class RealEngine final : public CoreEngine {
   // Loads the tree, settles the precision, and runs `work` in the query arena.
   template <class Answer, class Work>
   api::Outcome<Answer> Query(std::string_view id, api::Precision asked, const CancelToken& cancel,
-                             const Work& work) {
-    const auto scene = Load(id, cancel);
+                             const Work& work, Form form = Form::kWide) {
+    const auto scene = Load(id, form, cancel);
     if (!scene.ok()) return scene.problem();
     const core::Precision precision = ToCore(asked, core::AutoPrecision(*scene->mesh));
     Answer answer;

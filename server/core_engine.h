@@ -40,6 +40,7 @@ struct EngineCounters {
   std::uint64_t trees = 0;              ///< ids now
   std::uint64_t unrecorded_meshes = 0;  ///< on disk now, of no tree: kept until uploaded again
   std::uint64_t unreadable_meshes = 0;  ///< of trees, found damaged or missing and not repaired
+  std::uint64_t binary_rebuilds = 0;    ///< binary trees made again, for cells
 };
 
 class CoreEngine : public Engine {

@@ -27,10 +27,7 @@ std::shared_ptr<Tree::Kept> Tree::MakeKept() { return std::make_shared<Kept>(); 
 
 Result<std::shared_ptr<const BinaryTree>> Tree::Binary(const TriangleMesh& mesh,
                                                        const BuildOptions& options) const {
-  {
-    const std::lock_guard lock(kept_->mutex);
-    if (kept_->binary) return kept_->binary;
-  }
+  if (std::shared_ptr<const BinaryTree> kept = kept_binary()) return kept;
   // Built without the lock: a thread that waits for the lock inside a parallel loop could be the
   // one that the build waits for. Two simultaneous builds make the same tree.
   Result<BinaryTree> made = BuildBinaryTree(mesh, build, options);
@@ -39,6 +36,11 @@ Result<std::shared_ptr<const BinaryTree>> Tree::Binary(const TriangleMesh& mesh,
   auto binary = std::make_shared<const BinaryTree>(*std::move(made));
   const std::lock_guard lock(kept_->mutex);
   if (!kept_->binary) kept_->binary = std::move(binary);
+  return kept_->binary;
+}
+
+std::shared_ptr<const BinaryTree> Tree::kept_binary() const {
+  const std::lock_guard lock(kept_->mutex);
   return kept_->binary;
 }
 

@@ -39,6 +39,8 @@ class Tree {
   /// longer than the first build. Errors: those of BuildTree.
   Result<std::shared_ptr<const BinaryTree>> Binary(const TriangleMesh& mesh,
                                                    const BuildOptions& options = {}) const;
+  /// The binary tree that Binary made before; null when nobody has asked for it.
+  std::shared_ptr<const BinaryTree> kept_binary() const;
 
  private:
   struct Kept;

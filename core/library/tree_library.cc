@@ -39,6 +39,7 @@ TreeLibrary::TreeLibrary(const LibraryOptions& options, std::unique_ptr<SceneSto
       pledges_(options.memory_limit_bytes),
       arena_(options.build_threads),
       source_(store_.get(), &cache_, &budget_, &arena_),
+      binary_rebuilder_(&budget_, &arena_),
       queue_(kLoadThreads, kBuildThreads, kAsideThreads) {
   budget_.set_reclaim([this](std::uint64_t bytes) { return cache_.EvictIdleIfEnough(bytes); });
 }
@@ -345,6 +346,14 @@ Result<Scene> TreeLibrary::Load(const TreeId& id, const CancelToken& cancel) {
   return *flight->scene;
 }
 
+Result<Scene> TreeLibrary::LoadWithBinary(const TreeId& id, const CancelToken& cancel) {
+  Result<Scene> scene = Load(id, cancel);
+  if (!scene.ok()) return scene;
+  Status made = binary_rebuilder_.Ensure(id.mesh, *scene, cancel);
+  if (!made.ok()) return std::move(made).error();
+  return scene;
+}
+
 std::vector<TreeInfo> TreeLibrary::List(const std::optional<Sha256Digest>& mesh,
                                         const std::optional<Position>& after, std::size_t limit) {
   const std::lock_guard lock(mutex_);
@@ -508,6 +517,7 @@ LibraryCounters TreeLibrary::counters() const {
   counters.parses = source_.parses();
   counters.builds = source_.builds();
   counters.loads = source_.loads();
+  counters.binary_rebuilds = binary_rebuilder_.rebuilds();
   counters.damaged_files = store_->damaged_files();
   counters.evictions = cache_.evictions();
   counters.memory_bytes = budget_.used();

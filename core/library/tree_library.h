@@ -23,6 +23,7 @@
 #include "core/base/parallel.h"
 #include "core/base/result.h"
 #include "core/catalog/tree_id.h"
+#include "core/library/binary_rebuilder.h"
 #include "core/library/measurements.h"
 #include "core/library/memory_budget.h"
 #include "core/library/scene_source.h"
@@ -54,6 +55,7 @@ struct TreeInfo {
 
 struct LibraryCounters {
   std::uint64_t parses = 0, builds = 0, loads = 0, rebuilds = 0;
+  std::uint64_t binary_rebuilds = 0;  ///< BinaryRebuilder
   std::uint64_t damaged_files = 0, evictions = 0;
   std::uint64_t memory_bytes = 0, store_bytes = 0, trees = 0;
   std::uint64_t unrecorded_meshes = 0;  ///< stored meshes without a tree (SceneStore)
@@ -106,6 +108,9 @@ class TreeLibrary {
   /// The tree in memory. Waits for its build or load until `cancel` stops: then kDeadlineExceeded
   /// or kCancelled, or kMemoryFull if it was waiting for memory. kCancelled after Shutdown.
   Result<Scene> Load(const TreeId& id, const CancelToken& cancel);
+  /// As Load, with the binary tree that cells and counted steps are taken from (Scene::Cells,
+  /// TraceCostly). Errors besides: those of BinaryRebuilder::Ensure.
+  Result<Scene> LoadWithBinary(const TreeId& id, const CancelToken& cancel);
 
   /// A position in the list: newest first, at equal time by id.
   struct Position {
@@ -221,6 +226,7 @@ class TreeLibrary {
   TreeCache cache_;
   Arena arena_;
   SceneSource source_;
+  BinaryRebuilder binary_rebuilder_;
   Measurements measurements_;
 
   // Held while a mesh's files are written or removed; always locked before mutex_.

@@ -299,6 +299,7 @@ void TreeLibrary::Shutdown() {
     }
   }
   measurements_.Stop();
+  binary_rebuilder_.Stop();
   queue_.Stop();
 }
 

@@ -136,7 +136,7 @@ class LibraryAllocationTest : public testing::Test {
       ASSERT_TRUE(again.ok()) << what << ": " << again.error().message;
       ASSERT_TRUE(IsBuilt(again->id)) << what << ": mesh " << number;
       ASSERT_TRUE(library_->Find(again->id).ok()) << what;
-      ASSERT_TRUE(library_->Load(again->id, Soon()).ok()) << what;
+      ASSERT_TRUE(library_->LoadWithBinary(again->id, Soon()).ok()) << what;
       ASSERT_TRUE(library_->OpenMesh(again->id).ok()) << what;
     }
     const auto list = library_->List(std::nullopt, std::nullopt, 100);
@@ -240,6 +240,11 @@ TEST_F(LibraryAllocationTest, AnotherBuild) {
 TEST_F(LibraryAllocationTest, LoadingFromDisk) {
   Sweep(
       "load", [&] { Open(); }, [&] { (void)library_->Load(first_, Soon()); });
+}
+
+TEST_F(LibraryAllocationTest, MakingABinaryTree) {
+  Sweep(
+      "binary", [] {}, [&] { (void)library_->LoadWithBinary(first_, Soon()); });
 }
 
 TEST_F(LibraryAllocationTest, Questions) {

@@ -395,6 +395,9 @@ TEST_F(CoreEngineTest, APictureOfTooManyCellsSaysSoAndHowManyItDraws) {
   request.width = request.height = 8;
   request.cells_depth = 3;
   EXPECT_TRUE(engine_->Render(id, request, true, Soon()).ok());
+  EXPECT_EQ(engine_->counters().binary_rebuilds, 1u);
+  EXPECT_TRUE(engine_->Cells(id, 3, Soon()).ok());
+  EXPECT_EQ(engine_->counters().binary_rebuilds, 1u) << "pictures and lists share it";
   request.cells_depth = 10;
   const auto many = engine_->Render(id, request, true, Soon());
   ASSERT_FALSE(many.ok());
