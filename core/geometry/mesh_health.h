@@ -27,8 +27,9 @@ struct MeshHealth {
   friend bool operator==(const MeshHealth&, const MeshHealth&) = default;
 };
 
-/// `mesh` was made from `data`. O(n log n) time, whatever the positions; at most 8 bytes of scratch
-/// a triangle and 10 a vertex. Deterministic. Errors: kCancelled, kDeadlineExceeded.
+/// `mesh` was made from `data`, whose triangles may be gone. O(n log n) time, whatever the
+/// positions; at most 8 bytes of scratch a triangle and 10 a vertex. Deterministic. Errors:
+/// kCancelled, kDeadlineExceeded.
 Result<MeshHealth> CheckHealth(const TriangleMesh& mesh, const MeshData& data,
                                const CancelToken& cancel = {});
 

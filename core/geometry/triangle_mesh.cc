@@ -23,10 +23,11 @@ constexpr std::uint64_t kStepWork = 16;
 constexpr std::uint64_t kPredicateWork = 256;
 
 // The vertices that triangles use. Only these matter: a file may store others, even invalid ones.
-std::vector<bool> FindUsed(const MeshData& data, CancelPoll* poll) {
-  std::vector<bool> used(data.vertices.size());
-  PolledLoop(data.triangles.size(), kStepWork, poll, [&](std::size_t i) {
-    for (const std::uint32_t index : data.triangles[i]) {
+std::vector<bool> FindUsed(std::size_t vertices, std::span<const TriangleIndices> triangles,
+                           CancelPoll* poll) {
+  std::vector<bool> used(vertices);
+  PolledLoop(triangles.size(), kStepWork, poll, [&](std::size_t i) {
+    for (const std::uint32_t index : triangles[i]) {
       assert(index < used.size());
       used[index] = true;
     }
@@ -119,7 +120,7 @@ std::vector<Vec3<T>> LocalVertices(const MeshData& data, const std::vector<bool>
   return local;
 }
 
-std::vector<TriangleIndices> Copy(const std::vector<TriangleIndices>& triangles, CancelPoll* poll) {
+std::vector<TriangleIndices> Copy(std::span<const TriangleIndices> triangles, CancelPoll* poll) {
   std::vector<TriangleIndices> copy;
   copy.reserve(triangles.size());
   PolledLoop(triangles.size(), kStepWork, poll,
@@ -174,9 +175,24 @@ std::string_view Name(MeshFormat format) {
 }
 
 Result<TriangleMesh> TriangleMesh::Create(const MeshData& data, const CancelToken& cancel) {
-  if (data.triangles.empty()) return Error{ErrorCode::kEmptyMesh, "the mesh has no triangle"};
-  if (data.triangles.size() > kMaxTriangles) {
-    return Error{ErrorCode::kMeshTooLarge, "the mesh has " + std::to_string(data.triangles.size()) +
+  CancelPoll poll(cancel);
+  std::vector<TriangleIndices> triangles = Copy(data.triangles, &poll);
+  if (poll.stopped()) return poll.ToError();
+  return Create(data, std::move(triangles), cancel);
+}
+
+Result<TriangleMesh> TriangleMesh::Create(MeshData* data, const CancelToken& cancel) {
+  std::vector<TriangleIndices> triangles = std::move(data->triangles);
+  return Create(*data, std::move(triangles), cancel);
+}
+
+// `triangles`: those of `data`, whose own may be gone.
+Result<TriangleMesh> TriangleMesh::Create(const MeshData& data,
+                                          std::vector<TriangleIndices> triangles,
+                                          const CancelToken& cancel) {
+  if (triangles.empty()) return Error{ErrorCode::kEmptyMesh, "the mesh has no triangle"};
+  if (triangles.size() > kMaxTriangles) {
+    return Error{ErrorCode::kMeshTooLarge, "the mesh has " + std::to_string(triangles.size()) +
                                                " triangles; at most " +
                                                std::to_string(kMaxTriangles) + " are allowed"};
   }
@@ -186,7 +202,7 @@ Result<TriangleMesh> TriangleMesh::Create(const MeshData& data, const CancelToke
                                                std::to_string(kMaxVertices) + " are allowed"};
   }
   CancelPoll poll(cancel);
-  const std::vector<bool> used = FindUsed(data, &poll);
+  const std::vector<bool> used = FindUsed(data.vertices.size(), triangles, &poll);
   if (std::optional<Error> error = CheckCoordinates(data, used, &poll)) return *std::move(error);
 
   TriangleMesh mesh;
@@ -207,7 +223,7 @@ Result<TriangleMesh> TriangleMesh::Create(const MeshData& data, const CancelToke
   } else {
     mesh.vertices_ = LocalVertices<double>(data, used, mesh.frame_, &poll);
   }
-  mesh.triangles_ = Copy(data.triangles, &poll);
+  mesh.triangles_ = std::move(triangles);
   if (poll.stopped()) return poll.ToError();  // before an index can exceed the vertices
   mesh.degenerate_ = mesh.VisitVertices(
       [&](auto vertices) { return FindDegenerate(vertices, mesh.triangles(), &poll); });

@@ -80,6 +80,9 @@ class TriangleMesh {
   /// coordinates; its local coordinates are 0. O(vertices + triangles). kCancelled,
   /// kDeadlineExceeded.
   static Result<TriangleMesh> Create(const MeshData& data, const CancelToken& cancel = {});
+  /// The same without a second copy of the triangles: they are moved out of `data`, also when an
+  /// error comes back. The rest of `data` stays.
+  static Result<TriangleMesh> Create(MeshData* data, const CancelToken& cancel = {});
 
   std::size_t triangle_count() const { return triangles_.size(); }
   std::size_t vertex_count() const { return vertex_count_; }  ///< as stored in the file
@@ -133,6 +136,8 @@ class TriangleMesh {
 
  private:
   TriangleMesh() = default;
+  static Result<TriangleMesh> Create(const MeshData& data, std::vector<TriangleIndices> triangles,
+                                     const CancelToken& cancel);
 
   MeshFormat format_ = MeshFormat::kObj;
   MeshFrame frame_;

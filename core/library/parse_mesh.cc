@@ -18,9 +18,8 @@ Result<PreparedMesh> Prepare(std::span<const std::byte> bytes, std::vector<std::
   Result<MeshData> data = ReadMesh(bytes, MeshReadOptions{cancel, on_counts});
   text = std::vector<std::byte>();
   if (!data.ok()) return std::move(data).error();
-  Result<TriangleMesh> mesh = TriangleMesh::Create(*data, cancel);
+  Result<TriangleMesh> mesh = TriangleMesh::Create(&*data, cancel);
   if (!mesh.ok()) return std::move(mesh).error();
-  data->triangles = std::vector<TriangleIndices>();  // the mesh has its own copy
   const Result<MeshHealth> health = CheckHealth(*mesh, *data, cancel);
   if (!health.ok()) return health.error();
 
@@ -76,7 +75,7 @@ std::uint64_t PreparePeakBytes(std::uint64_t file_bytes, const MeshCounts& count
   const std::uint64_t reading = file_bytes + counts.ReadBytes() + counts.vertices / 8 +
                                 std::max(growth(vertices), growth(triangles));
   const std::uint64_t mesh = BytesOfMesh(counts, sizeof(Vec3d));
-  const std::uint64_t creating = vertices + triangles + counts.vertices / 8 + mesh;
+  const std::uint64_t creating = vertices + counts.vertices / 8 + mesh;  // triangles are moved
   const std::uint64_t judging = vertices + mesh + HealthScratchBytes(counts);
   return kFixed + std::max({reading, creating, judging});
 }

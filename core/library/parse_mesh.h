@@ -32,7 +32,7 @@ Result<PreparedMesh> PrepareMesh(std::vector<std::byte> bytes, const CancelToken
 std::uint64_t PreparePeakBytes(std::uint64_t file_bytes, const MeshCounts& counts);
 
 /// Memory to prepare a usual file whose counts are not known yet, `file_bytes` of input included;
-/// others need up to 25 times their bytes. With counts: PreparePeakBytes.
+/// others need up to 21 times their bytes. With counts: PreparePeakBytes.
 constexpr std::uint64_t EstimatePrepareBytes(std::uint64_t file_bytes) { return 5 * file_bytes; }
 
 /// Lower bound for any mesh of this size: its bytes are held during parsing.
