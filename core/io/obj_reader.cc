@@ -92,12 +92,13 @@ class ObjReader {
   }
 
   // A backslash joins the next line to this one. After a name it does so only if that line is not a
-  // statement itself; otherwise a path that ends with a backslash would remove a face.
+  // statement itself; otherwise a path that ends with a backslash would remove a face. Only that
+  // line is read ahead: reading all lines that are joined to it, from each of them, would take
+  // quadratic time.
   static void NextStatement(std::string_view keyword, TextCursor& cursor) {
     if (!HasNames(keyword)) return cursor.NextLine();
     while (cursor.NextPhysicalLine()) {
-      TextCursor ahead = cursor;
-      if (IsObjKeyword(ahead.NextWord())) return;
+      if (IsObjKeyword(cursor.RestOfLine().NextWord())) return;
     }
   }
 

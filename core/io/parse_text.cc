@@ -202,15 +202,23 @@ bool TextCursor::NextPhysicalLine() {
   const std::size_t begin = position_;
   position_ = LineEnd();
   bool joins = syntax_.continuation && position_ > begin && text_[position_ - 1] == '\\';
-  if (joins && syntax_.hash_comments) {
-    const std::size_t end = std::exchange(position_, begin);
-    PassAll(Kind::kBlank);
-    const bool comment = position_ < end && text_[position_] == '#';
-    joins = !comment;
-    position_ = end;
-  }
+  // A backslash in a comment is not there.
+  if (joins && syntax_.hash_comments) joins = !HasComment(begin, position_);
   PassLineEnd();
   return !Charge(8) && joins && !AtEnd();
+}
+
+// Whether a comment begins between `begin`, which is at no word's middle, and the end of its line.
+bool TextCursor::HasComment(std::size_t begin, std::size_t end) {
+  for (std::size_t i = begin; i < end; ++i) {
+    if ((i - begin) % kPiece == kPiece - 1 && Charge(kPiece)) return false;
+    if (text_[i] == '#' && (i == begin || KindOf(text_[i - 1]) == Kind::kBlank)) return true;
+  }
+  return false;
+}
+
+TextCursor TextCursor::RestOfLine() {
+  return TextCursor(text_.substr(position_, LineEnd() - position_), syntax_, line_, poll_);
 }
 
 bool TextCursor::FindLineWithWords() {

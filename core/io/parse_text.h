@@ -41,6 +41,9 @@ class TextCursor {
   /// the end of the text.
   bool FindLineWithWords();
 
+  /// The rest of this line alone, without the lines that a backslash joins to it.
+  TextCursor RestOfLine();
+
   bool AtEnd() const { return position_ >= text_.size(); }
   /// The character at the cursor, which must not be at the end.
   char Peek() const { return text_[position_]; }
@@ -63,6 +66,7 @@ class TextCursor {
   std::size_t Find(char c);
   std::size_t LineEnd();
   void PassLineEnd();
+  bool HasComment(std::size_t begin, std::size_t end);
   // Moves to the first character of another kind.
   void PassAll(Kind kind);
   void PassMore(Kind kind);

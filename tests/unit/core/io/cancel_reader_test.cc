@@ -2,7 +2,9 @@
 // number is.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -114,6 +116,57 @@ TEST(CancelledRead, EndsWithinALongRow) {
                                             }),
                          file.name + " after " + std::to_string(after.count()) + " ms");
     }
+  }
+}
+
+// Many lines, words or remarks, each of which a reader may look beyond.
+std::vector<LongFile> RepetitiveFiles() {
+  const std::string obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  const std::string off = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n";
+  const std::string ascii =
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+      "property float z\nelement face 1\nproperty list uint uchar vertex_indices\nend_header\n"
+      "0 0 0\n1 0 0\n0 1 0\n";
+  const std::string facet =
+      "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
+      "endfacet\n";
+  return {
+      {"OBJ, lines joined to a name", obj + "usemtl x\\\n", "\\\n", "3\nf 1 2 3\n"},
+      {"OBJ, blanks joined to a name", obj + "usemtl x\\\n", " \\\n", "3\nf 1 2 3\n"},
+      {"OBJ, names joined to a name", obj + "usemtl x\\\n", "y\\\n", "3\nf 1 2 3\n"},
+      {"OBJ, lines joined after remarks", obj, "usemtl # x\\\n\\\n", "f 1 2 3\n"},
+      {"OFF, remarks", off, "#\n", "3 0 1 2\n"},
+      {"OFF, headers", "", "OFF\n", "3 1 0\n"},
+      {"PLY, remarks among rows", ascii, "comment c\n", "3 0 1 2\n"},
+      {"PLY, words that begin like remarks", ascii, "c\n", "3 0 1 2\n"},
+      {"STL, solids", "", "solid\n", facet},
+      {"STL, names that look like facets", "solid", " facet", "\n" + facet},
+      {"STL, names with normals", "solid", " facet normal 0 0 0", "\n" + facet},
+      {"STL, solids before blank lines", "", "solid facet\n\n", facet},
+      {"STL, ends", "solid\n", "end ", "\n" + facet},
+      {"STL, remarks", "solid\n", "#\n", facet},
+  };
+}
+
+// Four times the bytes take some four times the time; sixteen times would be the square.
+TEST(ReadMesh, TakesTimeInProportionToTheLengthOfARow) {
+  const auto time_of = [](const LongFile& file, std::size_t bytes) {
+    const std::vector<std::byte> text = test::Bytes(file.Make(bytes));
+    auto least = std::chrono::nanoseconds::max();
+    for (int i = 0; i < 3; ++i) {
+      const auto begin = test::ThreadTime();
+      // NOLINTNEXTLINE(bugprone-unused-return-value): some are meshes, some are not
+      (void)ReadMesh(text);
+      least = std::min(least, test::ThreadTime() - begin);
+    }
+    return least;
+  };
+  constexpr std::size_t kBytes = std::size_t{1} << 16;
+  std::vector<LongFile> files = LongFiles(4 * kBytes);
+  for (const LongFile& file : RepetitiveFiles()) files.push_back(file);
+  for (const LongFile& file : files) {
+    EXPECT_LT(time_of(file, 4 * kBytes), 10 * time_of(file, kBytes) + milliseconds(10))
+        << file.name;
   }
 }
 

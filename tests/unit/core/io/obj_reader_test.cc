@@ -61,6 +61,24 @@ TEST(ObjReader, SkipsOtherStatements) {
   EXPECT_EQ(data.dropped, 0u);
 }
 
+TEST(ObjReader, JoinsNoLineToARemarkAfterAStatement) {
+  const MeshData data = MustRead(
+      "v 0 0 0 # C:\\\nv 1 0 0\nv 0 1 0 # \\\nv 1 1 0 1 # w \\\nf -4 -3 -2\ns 1 # off\\\n"
+      "f -3 -2 -1\nusemtl x # D:\\\nf 1 2 4\n");
+  EXPECT_EQ(data.vertices.size(), 4u);
+  EXPECT_THAT(data.triangles, ElementsAre(TriangleIndices{0, 1, 2}, TriangleIndices{1, 2, 3},
+                                          TriangleIndices{0, 1, 3}));
+}
+
+TEST(ObjReader, FindsTheStatementAfterLinesThatAreJoinedToAName) {
+  for (const char* joined : {"\\\n", "\\\n\\\n \\\n", "y\\\nz\\\n", "\t \\\ny\\\n\\\n"}) {
+    for (const char* face : {"f 1 2 3\n", " f \\\n1 2\\\n3\n", "f\\\n1 2 3\n"}) {
+      const std::string text = kSquare + "usemtl x\\\n" + joined + face;
+      EXPECT_THAT(MustRead(text).triangles, ElementsAre(TriangleIndices{0, 1, 2})) << text;
+    }
+  }
+}
+
 TEST(ObjReader, SkipsRemarksOfEveryKindAndPaddingAtTheEnd) {
   for (const std::string& text : {
            "# header\n$ distributed at an FTP site\n#\n" + kSquare + "f 1 2 3\n",
