@@ -110,11 +110,15 @@ Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& option
 }
 
 Hit ClosestHit(const Scene& scene, const Ray& ray, Precision precision) {
-  if (!IsValid(ray)) return InvalidRow();
   CancelPoll never{CancelToken()};
+  return ClosestHit(scene, ray, precision, &never);
+}
+
+Hit ClosestHit(const Scene& scene, const Ray& ray, Precision precision, CancelPoll* poll) {
+  if (!IsValid(ray)) return InvalidRow();
   const std::unique_ptr<const ScalarSearch> scalar = MakeScalarSearch(*scene.mesh, precision);
   const std::optional<LocalRay> local = scalar->MakeRay(ray, scene.mesh->frame());
-  return local ? scalar->Closest(*local, scene.tree->wide, &never) : Hit{};
+  return local ? scalar->Closest(*local, scene.tree->wide, poll) : Hit{};
 }
 
 bool AnyHit(const Scene& scene, const Ray& ray, Precision precision) {

@@ -9,6 +9,7 @@
 #include <span>
 
 #include "core/base/cancel.h"
+#include "core/base/cancel_poll.h"
 #include "core/base/result.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/ray.h"
@@ -54,8 +55,10 @@ Status TraceAny(const Scene& scene, RayBatch rays, const TraceOptions& options,
 Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& options,
                    std::span<Hit> hits, std::span<TraceCost> costs);
 
-/// The plain reference implementation for one ray.
+/// The plain reference implementation for one ray. With a poll, the result means nothing once the
+/// poll has stopped.
 Hit ClosestHit(const Scene& scene, const Ray& ray, Precision precision);
+Hit ClosestHit(const Scene& scene, const Ray& ray, Precision precision, CancelPoll* poll);
 bool AnyHit(const Scene& scene, const Ray& ray, Precision precision);
 
 }  // namespace kdray::core

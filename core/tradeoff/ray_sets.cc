@@ -8,6 +8,7 @@
 #include <random>
 #include <utility>
 
+#include "core/base/cancel_poll.h"
 #include "core/trace/trace.h"
 
 namespace kdray::core {
@@ -16,6 +17,9 @@ namespace {
 constexpr std::size_t kOrigins = 64;
 constexpr std::size_t kTriesPerOrigin = 32;
 constexpr int kMaxCrossings = 256;
+// Work of a try to find an origin, without its rays, and of making a ray (CancelPoll).
+constexpr std::uint64_t kTryWork = 4096;
+constexpr std::uint64_t kRayWork = 256;
 
 class Random {
  public:
@@ -55,30 +59,11 @@ Ray RayFromOutside(const Bounds3d& bounds, Random* random) {
   return RayTowards(origin, random->PointIn(bounds), random);
 }
 
-/// The first hit with a larger t than `t`, exactly.
-Hit HitBehind(const Scene& scene, Ray ray, double t) {
-  ray.t_min = std::nextafter(t, std::numeric_limits<double>::infinity());
-  return ClosestHit(scene, ray, Precision::kExact);
-}
-
-/// Whether a ray crosses the mesh an odd number of times, and nowhere nearer than `margin`.
-bool LeavesFromInside(const Scene& scene, const Vec3d& origin, const Vec3d& direction,
-                      double margin) {
-  Ray ray;
-  ray.origin = origin;
-  ray.direction = direction;
-  int crossings = 0;
-  Hit hit = ClosestHit(scene, ray, Precision::kExact);
-  if (hit.IsHit() && hit.t < margin) return false;
-  for (; hit.IsHit() && crossings < kMaxCrossings; ++crossings) {
-    hit = HitBehind(scene, ray, hit.t);
-  }
-  return !hit.IsHit() && crossings % 2 == 1;
-}
-
+// Every loop over rays ends early once the poll has stopped; MakeAimedRays checks it at the end.
 class Aim {
  public:
-  Aim(const Scene& scene, std::uint64_t seed) : scene_(scene), mesh_(*scene.mesh), random_(seed) {}
+  Aim(const Scene& scene, std::uint64_t seed, CancelPoll* poll)
+      : scene_(scene), mesh_(*scene.mesh), random_(seed), poll_(*poll) {}
 
   struct Origin {
     Vec3d point;
@@ -86,10 +71,10 @@ class Aim {
   };
 
   /// Empty if no point was found.
-  Result<std::vector<Origin>> OriginsInside(const CancelToken& cancel) {
+  std::vector<Origin> OriginsInside() {
     std::vector<Origin> origins;
     for (std::size_t i = 0; i < kOrigins * kTriesPerOrigin && origins.size() < kOrigins; ++i) {
-      if (cancel.ShouldStop()) return cancel.ToError();
+      if (poll_.Spend(kTryWork)) break;
       // Every attempt costs some rays; after this many without success, more are unlikely to
       // succeed.
       if (origins.empty() && i > 4 * kOrigins) break;
@@ -110,6 +95,7 @@ class Aim {
     bounds.min = bounds.min - Vec3d{side, side, side};
     bounds.max = bounds.max + Vec3d{side, side, side};
     for (std::size_t i = 0; i < kOrigins; ++i) {
+      if (poll_.Spend(kTryWork)) break;
       Origin origin{random_.PointIn(bounds), std::nullopt};
       if (i % 2 == 1) {
         Origin moved = origin;
@@ -129,6 +115,28 @@ class Aim {
   }
 
  private:
+  Hit Closest(const Ray& ray) { return ClosestHit(scene_, ray, Precision::kExact, &poll_); }
+
+  /// The first hit with a larger t than `t`.
+  Hit HitAfter(Ray ray, double t) {
+    ray.t_min = std::nextafter(t, std::numeric_limits<double>::infinity());
+    return Closest(ray);
+  }
+
+  /// Whether a ray crosses the mesh an odd number of times, and nowhere nearer than the margin.
+  bool LeavesFromInside(const Vec3d& origin, const Vec3d& direction) {
+    Ray ray;
+    ray.origin = origin;
+    ray.direction = direction;
+    int crossings = 0;
+    Hit hit = Closest(ray);
+    if (hit.IsHit() && hit.t < Margin()) return false;
+    for (; hit.IsHit() && crossings < kMaxCrossings && !poll_.stopped(); ++crossings) {
+      hit = HitAfter(ray, hit.t);
+    }
+    return !hit.IsHit() && crossings % 2 == 1;
+  }
+
   Vec3d Corner(std::size_t triangle, std::size_t corner) const {
     return mesh_.frame().ToWorld(
         mesh_.LocalCorner(static_cast<PrimitiveId>(triangle), static_cast<int>(corner)));
@@ -144,9 +152,9 @@ class Aim {
   /// The middle between the first two surfaces that a random ray from outside crosses.
   std::optional<Vec3d> BetweenSurfaces() {
     const Ray ray = RayFromOutside(mesh_.bounds(), &random_);
-    const Hit first = ClosestHit(scene_, ray, Precision::kExact);
+    const Hit first = Closest(ray);
     if (!first.IsHit()) return std::nullopt;
-    const Hit second = HitBehind(scene_, ray, first.t);
+    const Hit second = HitAfter(ray, first.t);
     if (!second.IsHit()) return std::nullopt;
     return ray.origin + ray.direction * (0.5 * first.t + 0.5 * second.t);
   }
@@ -172,7 +180,7 @@ class Aim {
     const double margin = Margin();
     for (int i = 0; i < 6; ++i) {
       ray.direction = random_.Direction();
-      const Hit hit = ClosestHit(scene_, ray, Precision::kExact);
+      const Hit hit = Closest(ray);
       if (hit.IsHit() && hit.t < margin) return false;
     }
     return true;
@@ -181,11 +189,9 @@ class Aim {
   // Precisions that round vertices move the surface by 2^-24 of the mesh's size; the point must be
   // inside for them too.
   bool IsInside(const Vec3d& point) {
-    const double margin = Margin();
     for (int i = 0; i < 3; ++i) {
       const Vec3d direction = random_.Direction();
-      if (!LeavesFromInside(scene_, point, direction, margin) ||
-          !LeavesFromInside(scene_, point, direction * -1.0, margin)) {
+      if (!LeavesFromInside(point, direction) || !LeavesFromInside(point, direction * -1.0)) {
         return false;
       }
     }
@@ -201,6 +207,7 @@ class Aim {
   const Scene& scene_;
   const TriangleMesh& mesh_;
   Random random_;
+  CancelPoll& poll_;
 };
 
 }  // namespace
@@ -214,19 +221,18 @@ std::vector<Ray> RandomRays(const TriangleMesh& mesh, std::size_t count, std::ui
 
 Result<AimedRays> MakeAimedRays(const Scene& scene, bool closed, std::size_t count,
                                 std::uint64_t seed, const CancelToken& cancel) {
-  Aim aim(scene, seed);
+  CancelPoll poll(cancel);
+  Aim aim(scene, seed, &poll);
   std::vector<Aim::Origin> origins;
-  if (closed) {
-    Result<std::vector<Aim::Origin>> inside = aim.OriginsInside(cancel);
-    if (!inside.ok()) return std::move(inside).error();
-    origins = *std::move(inside);
-  }
+  if (closed) origins = aim.OriginsInside();
   AimedRays aimed;
   aimed.from_inside = !origins.empty();
   if (origins.empty()) origins = aim.OriginsAnywhere();
+  if (poll.stopped()) return poll.ToError();
   aimed.rays.resize(count);
   // Four rays with different aims from each origin in turn.
   for (std::size_t i = 0; i < count; ++i) {
+    if (poll.Spend(kRayWork)) return poll.ToError();
     aimed.rays[i] = aim.RayFrom(origins[i / 4 % origins.size()], i);
   }
   return aimed;

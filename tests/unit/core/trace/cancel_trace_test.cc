@@ -13,6 +13,7 @@
 #include "core/scene/scene.h"
 #include "core/trace/crossings.h"
 #include "core/trace/trace.h"
+#include "core/tradeoff/ray_sets.h"
 #include "tests/support/cancel_probe.h"
 #include "tests/support/scenes.h"
 #include "tests/support/shapes.h"
@@ -230,6 +231,30 @@ TEST(CancelledTrace, AnswersFullyOrNotAtAllWheneverItIsCancelled) {
       }
     }
     EXPECT_GT(cancelled, 3) << Name(kernel);
+  }
+}
+
+TEST(CancelledTradeoff, LookingForAPointInsideEndsWithinTheRaysOfOneTry) {
+  // Two stacks of equal triangles: each ray meets all of one, and every point between them has a
+  // crossing on both sides.
+  core::MeshData stacks;
+  for (const double z : {0.0, 1.0}) {
+    const auto first = static_cast<std::uint32_t>(stacks.vertices.size());
+    for (const core::Vec3d& p :
+         {core::Vec3d{-90, -70, z}, core::Vec3d{90, -70, z}, core::Vec3d{0, 100, z}}) {
+      stacks.vertices.push_back(p);
+    }
+    stacks.triangles.insert(stacks.triangles.end(), 400'000 * test::CancelScale(),
+                            {first, first + 1, first + 2});
+  }
+  const Scene scene = test::MakeScene(stacks, BuildKind::kBox);
+  for (const milliseconds after : {milliseconds(20), milliseconds(150)}) {
+    ExpectPrompt(test::CancelDuring(after,
+                                    [&](const CancelToken& token) {
+                                      return test::StatusOf(
+                                          core::MakeAimedRays(scene, true, 1000, 1, token));
+                                    }),
+                 "MakeAimedRays after " + std::to_string(after.count()) + " ms");
   }
 }
 
