@@ -176,10 +176,11 @@ class RealEngine final : public CoreEngine {
     return ToProblem(status.error());
   }
 
-  api::Outcome<std::unique_ptr<MeshBytes>> OpenMesh(std::string_view id) override {
+  api::Outcome<std::unique_ptr<MeshBytes>> OpenMesh(std::string_view id,
+                                                    const CancelToken& cancel) override {
     const api::Outcome<core::TreeId> tree_id = ToTreeId(id);
     if (!tree_id.ok()) return tree_id.problem();
-    auto file = library_->OpenMesh(*tree_id);
+    auto file = library_->OpenMesh(*tree_id, cancel);
     if (!file.ok()) return ToProblem(file.error());
     return std::unique_ptr<MeshBytes>(std::make_unique<CoreMeshBytes>(*std::move(file)));
   }

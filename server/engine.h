@@ -73,7 +73,9 @@ class Engine {
                                            std::string_view after) = 0;
   /// tree_not_found. A running build stops; the mesh goes with its last tree.
   virtual api::Check Delete(std::string_view id) = 0;
-  virtual api::Outcome<std::unique_ptr<MeshBytes>> OpenMesh(std::string_view id) = 0;
+  /// Checks all of its bytes first, as long as `cancel` lets it.
+  virtual api::Outcome<std::unique_ptr<MeshBytes>> OpenMesh(std::string_view id,
+                                                            const CancelToken& cancel) = 0;
 
   // Queries wait for a tree that is being built until `cancel`'s deadline, then tree_building.
   // deadline_exceeded when the deadline passes while tracing.

@@ -16,10 +16,11 @@
 namespace kdray::core {
 namespace {
 
-// Work (CancelPoll) of a loop's step over vertices or triangles, and of the exact predicate on a
-// triangle. Every loop here ends early when the poll has stopped; Create() checks the poll at the
-// end.
+// Work (CancelPoll) of a loop's step over vertices or triangles, over flags, and of the exact
+// predicate on a triangle. Every loop here ends early when the poll has stopped; Create() checks
+// the poll at the end.
 constexpr std::uint64_t kStepWork = 16;
+constexpr std::uint64_t kFlagWork = 2;
 constexpr std::uint64_t kPredicateWork = 256;
 
 // The vertices that triangles use. Only these matter: a file may store others, even invalid ones.
@@ -154,8 +155,10 @@ double FindShortestEdge(std::span<const Vec3<T>> vertices,
   return shortest;
 }
 
-std::size_t CountTrue(const std::vector<bool>& flags) {
-  return static_cast<std::size_t>(std::count(flags.begin(), flags.end(), true));
+std::size_t CountTrue(const std::vector<bool>& flags, CancelPoll* poll) {
+  std::size_t count = 0;
+  PolledLoop(flags.size(), kFlagWork, poll, [&](std::size_t i) { count += flags[i] ? 1 : 0; });
+  return count;
 }
 
 }  // namespace
@@ -227,7 +230,7 @@ Result<TriangleMesh> TriangleMesh::Create(const MeshData& data,
   if (poll.stopped()) return poll.ToError();  // before an index can exceed the vertices
   mesh.degenerate_ = mesh.VisitVertices(
       [&](auto vertices) { return FindDegenerate(vertices, mesh.triangles(), &poll); });
-  mesh.degenerate_count_ = CountTrue(mesh.degenerate_);
+  mesh.degenerate_count_ = CountTrue(mesh.degenerate_, &poll);
   mesh.shortest_edge_ = mesh.VisitVertices([&](auto vertices) {
     return FindShortestEdge(vertices, mesh.triangles(), mesh.degenerate_, &poll);
   });
@@ -235,7 +238,7 @@ Result<TriangleMesh> TriangleMesh::Create(const MeshData& data,
   return mesh;
 }
 
-TriangleMesh TriangleMesh::FromParts(Parts parts) {
+Result<TriangleMesh> TriangleMesh::FromParts(Parts parts, const CancelToken& cancel) {
   assert(parts.degenerate.size() == parts.triangles.size());
   TriangleMesh mesh;
   mesh.format_ = parts.format;
@@ -245,11 +248,12 @@ TriangleMesh TriangleMesh::FromParts(Parts parts) {
   mesh.vertex_count_ = mesh.VisitVertices([](auto vertices) { return vertices.size(); });
   mesh.triangles_ = std::move(parts.triangles);
   mesh.degenerate_ = std::move(parts.degenerate);
-  mesh.degenerate_count_ = CountTrue(mesh.degenerate_);
+  CancelPoll poll(cancel);
+  mesh.degenerate_count_ = CountTrue(mesh.degenerate_, &poll);
   mesh.shortest_edge_ = mesh.VisitVertices([&](auto vertices) {
-    CancelPoll never{CancelToken()};
-    return FindShortestEdge(vertices, mesh.triangles(), mesh.degenerate_, &never);
+    return FindShortestEdge(vertices, mesh.triangles(), mesh.degenerate_, &poll);
   });
+  if (poll.stopped()) return poll.ToError();
   return mesh;
 }
 

@@ -129,10 +129,10 @@ class TriangleMesh {
   std::size_t bytes() const;
 
   /// For the store (core/store): the parts, and a mesh from parts that were checked when they were
-  /// written.
+  /// written. kCancelled, kDeadlineExceeded.
   struct Parts;
   const std::vector<bool>& degenerate_flags() const { return degenerate_; }
-  static TriangleMesh FromParts(Parts parts);
+  static Result<TriangleMesh> FromParts(Parts parts, const CancelToken& cancel = {});
 
  private:
   TriangleMesh() = default;

@@ -46,7 +46,7 @@ class SceneSource::Attempt {
     if (fetched_.prepared == nullptr) {
       Result<PreparedMesh> prepared = ReadPrepared();
       if (!prepared.ok()) {
-        if (needed_ != 0) return std::move(prepared).error();
+        if (needed_ != 0 || watch_->cancel.ShouldStop()) return std::move(prepared).error();
         prepared = Parse();
         fetched_.was_parsed = prepared.ok();
       }
@@ -69,14 +69,15 @@ class SceneSource::Attempt {
         std::max(expected, source_->store_->PreparedFileBytes(record_.id.mesh));
     if (bytes == 0) return Error{ErrorCode::kNotFound, "not parsed yet"};
     if (Status status = Need(bytes); !status.ok()) return std::move(status).error();
-    return source_->store_->ReadPrepared(record_.id.mesh);
+    return source_->store_->ReadPrepared(record_.id.mesh, watch_->cancel);
   }
 
   Result<PreparedMesh> Parse() {
     if (Status status = Need(LeastPrepareBytes(record_.mesh_bytes)); !status.ok()) {
       return std::move(status).error();
     }
-    Result<std::vector<std::byte>> bytes = source_->store_->ReadMesh(record_.id.mesh);
+    Result<std::vector<std::byte>> bytes =
+        source_->store_->ReadMesh(record_.id.mesh, watch_->cancel);
     if (!bytes.ok()) return std::move(bytes).error();
     ++source_->parses_;
     const auto on_counts = [&](const MeshCounts& counts) { return NeedForParsing(counts); };
@@ -103,7 +104,7 @@ class SceneSource::Attempt {
       if (made.ok()) {
         ++source_->loads_;
       } else {
-        if (needed_ != 0) return std::move(made).error();
+        if (needed_ != 0 || watch_->cancel.ShouldStop()) return std::move(made).error();
         made = Build(build);
         fetched_.was_built = made.ok();
       }
@@ -124,7 +125,7 @@ class SceneSource::Attempt {
     // The file is missing: reading it distinguishes a lost file from a damaged one.
     if (Status status = Need(bytes); !status.ok()) return std::move(status).error();
     return source_->store_->ReadTree(
-        {record_.id.mesh, fetched_.scene.mesh->triangle_count(), build});
+        {record_.id.mesh, fetched_.scene.mesh->triangle_count(), build}, watch_->cancel);
   }
 
   Result<Tree> Build(BuildKind build) {
@@ -186,11 +187,11 @@ Result<SceneSource::Fetched> SceneSource::Fetch(const TreeRecord& record, Watch*
   }
 }
 
-void SceneSource::Store(const TreeId& id, const Fetched& fetched) {
-  if (fetched.was_parsed) store_->WritePrepared(id.mesh, *fetched.prepared);
+void SceneSource::Store(const TreeId& id, const Fetched& fetched, const CancelToken& cancel) {
+  if (fetched.was_parsed) store_->WritePrepared(id.mesh, *fetched.prepared, cancel);
   if (fetched.was_built) {
     store_->WriteTree({id.mesh, fetched.scene.mesh->triangle_count(), fetched.tree.build},
-                      *fetched.scene.tree);
+                      *fetched.scene.tree, cancel);
   }
 }
 

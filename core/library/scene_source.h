@@ -59,8 +59,8 @@ class SceneSource {
   /// the longest wait, if too many wait already, or if the system has no memory.
   Result<Fetched> Fetch(const TreeRecord& record, Watch* watch, const Hooks& hooks);
 
-  /// Stores the results of Fetch, if there is room.
-  void Store(const TreeId& id, const Fetched& fetched);
+  /// Stores the results of Fetch, if there is room, until `cancel` stops it.
+  void Store(const TreeId& id, const Fetched& fetched, const CancelToken& cancel);
 
   std::uint64_t parses() const { return parses_; }
   std::uint64_t builds() const { return builds_; }

@@ -366,14 +366,15 @@ std::vector<TreeInfo> TreeLibrary::List(const std::optional<Sha256Digest>& mesh,
   return trees;
 }
 
-Result<std::unique_ptr<ReadableFile>> TreeLibrary::OpenMesh(const TreeId& id) {
+Result<std::unique_ptr<ReadableFile>> TreeLibrary::OpenMesh(const TreeId& id,
+                                                            const CancelToken& cancel) {
   {
     const std::lock_guard lock(mutex_);
     const Result<Entry*> entry = FindLocked(id);
     if (!entry.ok()) return entry.error();
   }
-  Result<std::unique_ptr<ReadableFile>> file = store_->OpenMesh(id.mesh);
-  if (!file.ok()) {
+  Result<std::unique_ptr<ReadableFile>> file = store_->OpenMesh(id.mesh, cancel);
+  if (!file.ok() && file.error().code == ErrorCode::kCorrupt) {
     const std::lock_guard lock(mutex_);
     if (FirstOf(id.mesh) == entries_.end()) return NoSuchTree();  // deleted meanwhile
     damaged_meshes_.insert(id.mesh);

@@ -127,8 +127,9 @@ class TreeLibrary {
   /// a restart it may be gone, unless its record can be written or it is uploaded again.
   Status Delete(const TreeId& id);
 
-  /// The mesh's bytes, checked. kCorrupt if they are damaged; uploading them again repairs them.
-  Result<std::unique_ptr<ReadableFile>> OpenMesh(const TreeId& id);
+  /// The mesh's bytes, all of which are read and checked first. kCorrupt if they are damaged;
+  /// uploading them again repairs them. kCancelled, kDeadlineExceeded.
+  Result<std::unique_ptr<ReadableFile>> OpenMesh(const TreeId& id, const CancelToken& cancel = {});
 
   /// Measures speed and accuracy on the mesh of `id` (core/tradeoff) in the background, one mesh at
   /// a time; the mesh's other ids share the result. Joins a running measurement, or starts a new
@@ -146,7 +147,8 @@ class TreeLibrary {
 
   LibraryCounters counters() const;
 
-  /// Stops builds; they resume at the next Open. Nothing is built or loaded after it.
+  /// Stops builds, which resume at the next Open, and the writing of large derived files, which are
+  /// made again when needed. Nothing is built or loaded after it.
   void Shutdown();
 
  private:
@@ -213,6 +215,7 @@ class TreeLibrary {
   void EraseUnwanted(const Sha256Digest& mesh) noexcept;
   bool Succeed(Flight* flight, const SceneSource::Fetched& fetched);
   void Persist(const TreeRecord& before, const SceneSource::Fetched& fetched);
+  bool MayStore(const Sha256Digest& mesh, BuildKind build);
   void Fail(Flight* flight, const Error& error);
   void RunMeasuring(const TreeId& id, const std::shared_ptr<Measurements::Task>& task,
                     const TradeoffOptions& options) noexcept;

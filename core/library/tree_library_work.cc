@@ -216,8 +216,10 @@ bool TreeLibrary::Succeed(Flight* flight, const SceneSource::Fetched& fetched) {
 
 // Waiting requests are answered before this; a crash meanwhile costs a build, not an answer.
 void TreeLibrary::Persist(const TreeRecord& before, const SceneSource::Fetched& fetched) {
-  source_.Store(before.id, fetched);
   const TreeId& id = before.id;
+  source_.Store(id, fetched, CancelToken::When([this, &id, build = fetched.tree.build] {
+                  return !MayStore(id.mesh, build);
+                }));
   const std::lock_guard files_lock(MeshMutex(id.mesh));
   std::optional<TreeRecord> record;
   bool mesh_is_wanted = false;
@@ -243,6 +245,12 @@ void TreeLibrary::Persist(const TreeRecord& before, const SceneSource::Fetched& 
   if (!record || *record == before || !store_->SaveRecord(*record).ok()) return;
   const std::lock_guard lock(mutex_);
   entries_.at(id).is_in_doubt = false;
+}
+
+// Whether the files of a tree are still wanted while they are written.
+bool TreeLibrary::MayStore(const Sha256Digest& mesh, BuildKind build) {
+  const std::lock_guard lock(mutex_);
+  return !shut_down_ && IsWanted(mesh, build);
 }
 
 void TreeLibrary::Fail(Flight* flight, const Error& error) {

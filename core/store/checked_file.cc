@@ -45,8 +45,8 @@ Error Corrupt(const char* what) {
 
 }  // namespace
 
-CheckedWriter::CheckedWriter(NewBlob blob, const FileKind& kind)
-    : blob_(std::move(blob)), buffer_(kBufferBytes) {
+CheckedWriter::CheckedWriter(NewBlob blob, const FileKind& kind, CancelToken cancel)
+    : blob_(std::move(blob)), cancel_(std::move(cancel)), buffer_(kBufferBytes) {
   PutBytes(BytesOf(HeaderOf(kind)));
   payload_bytes_ = 0;
 }
@@ -55,8 +55,7 @@ void CheckedWriter::PutBytes(std::span<const std::byte> bytes) {
   payload_bytes_ += bytes.size();
   if (bytes.size() > buffer_.size() - buffered_) Flush();
   if (bytes.size() > buffer_.size()) {
-    hash_.Update(bytes);
-    if (status_.ok()) status_ = blob_.Append(bytes);
+    Write(bytes);
     return;
   }
   std::copy(bytes.begin(), bytes.end(), buffer_.begin() + static_cast<std::ptrdiff_t>(buffered_));
@@ -64,10 +63,21 @@ void CheckedWriter::PutBytes(std::span<const std::byte> bytes) {
 }
 
 void CheckedWriter::Flush() {
-  const auto bytes = std::span<const std::byte>(buffer_).first(buffered_);
-  hash_.Update(bytes);
-  if (status_.ok()) status_ = blob_.Append(bytes);
+  Write(std::span<const std::byte>(buffer_).first(buffered_));
   buffered_ = 0;
+}
+
+void CheckedWriter::Write(std::span<const std::byte> bytes) {
+  while (status_.ok() && !bytes.empty()) {
+    const auto piece = bytes.first(std::min(bytes.size(), kFilePieceBytes));
+    bytes = bytes.subspan(piece.size());
+    hash_.Update(piece);
+    status_ = blob_.Append(piece);
+    since_look_ += piece.size();
+    if (since_look_ < kFilePieceBytes) continue;
+    since_look_ = 0;
+    if (status_.ok() && cancel_.ShouldStop()) status_ = cancel_.ToError();
+  }
 }
 
 Result<NewBlob> CheckedWriter::Finish() && {
@@ -82,8 +92,9 @@ Result<NewBlob> CheckedWriter::Finish() && {
   return std::move(blob_);
 }
 
-CheckedReader::CheckedReader(std::unique_ptr<ReadableFile> file, const FileKind& kind)
-    : file_(std::move(file)), version_(kind.version) {
+CheckedReader::CheckedReader(std::unique_ptr<ReadableFile> file, const FileKind& kind,
+                             CancelToken cancel)
+    : file_(std::move(file)), cancel_(std::move(cancel)), version_(kind.version) {
   const std::uint64_t size = file_->size();
   if (size < sizeof(Header) + sizeof(Footer)) {
     status_ = Corrupt("is too short");
@@ -119,21 +130,30 @@ bool CheckedReader::Fill(std::span<std::byte> out) {
 
   const std::uint64_t end_of_payload = sizeof(Header) + payload_bytes_;
   if (out.size() >= kBufferBytes) {
-    status_ = file_->ReadAt(offset_, out);
-    if (!status_.ok()) return false;
-    hash_.Update(out);
-    offset_ += out.size();
+    for (; !out.empty(); out = out.subspan(std::min(out.size(), kFilePieceBytes))) {
+      if (!Read(out.first(std::min(out.size(), kFilePieceBytes)))) return false;
+    }
     return true;
   }
   buffer_.resize(
       static_cast<std::size_t>(std::min<std::uint64_t>(kBufferBytes, end_of_payload - offset_)));
   buffer_next_ = 0;
-  status_ = file_->ReadAt(offset_, buffer_);
-  if (!status_.ok()) return false;
-  hash_.Update(buffer_);
-  offset_ += buffer_.size();
+  if (!Read(buffer_)) return false;
   std::copy_n(buffer_.begin(), out.size(), out.begin());
   buffer_next_ = out.size();
+  return true;
+}
+
+// The next bytes of the file, at most a piece.
+bool CheckedReader::Read(std::span<std::byte> out) {
+  if (offset_ >= next_look_) {
+    next_look_ = offset_ + kFilePieceBytes;
+    if (cancel_.ShouldStop()) status_ = cancel_.ToError();
+  }
+  if (status_.ok()) status_ = file_->ReadAt(offset_, out);
+  if (!status_.ok()) return false;
+  hash_.Update(out);
+  offset_ += out.size();
   return true;
 }
 

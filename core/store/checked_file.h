@@ -15,6 +15,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "core/base/cancel.h"
 #include "core/base/hash.h"
 #include "core/base/result.h"
 #include "core/store/blob_store.h"
@@ -34,10 +35,16 @@ struct FileKind {
 template <class T>
 inline constexpr bool kStorable = std::is_arithmetic_v<T> && !std::is_same_v<T, bool>;
 
-/// Writes one file. Errors stick: the first one comes back from Commit. One thread at a time.
+/// Bytes that are read or written between two looks at a cancel token. Hashing them and passing
+/// them to the system takes some milliseconds.
+inline constexpr std::size_t kFilePieceBytes = std::size_t{1} << 20;
+
+/// Writes one file. Errors stick: the first one comes back from Finish, kCancelled and
+/// kDeadlineExceeded among them; after an error the temporary file is removed. Looks at `cancel`
+/// after each kFilePieceBytes, so a smaller file is finished in any case. One thread at a time.
 class CheckedWriter {
  public:
-  CheckedWriter(NewBlob blob, const FileKind& kind);
+  CheckedWriter(NewBlob blob, const FileKind& kind, CancelToken cancel = {});
 
   template <class T>
   void Put(const T& value) {
@@ -58,21 +65,25 @@ class CheckedWriter {
 
  private:
   void Flush();
+  void Write(std::span<const std::byte> bytes);
 
   NewBlob blob_;
+  CancelToken cancel_;
   Sha256 hash_;
   std::vector<std::byte> buffer_;  // small pieces on their way
   std::size_t buffered_ = 0;       // bytes of them
+  std::size_t since_look_ = 0;     // bytes written since the last look at cancel_
   std::uint64_t payload_bytes_ = 0;
   Status status_;
 };
 
 /// Reads one file from front to back. Errors stick, and what is read after one is zero or empty; a
 /// value counts only once Finish has said that the whole file is sound. Memory is allocated for
-/// what the file's size can hold. One thread at a time.
+/// what the file's size can hold. Looks at `cancel` before each kFilePieceBytes. One thread at a
+/// time.
 class CheckedReader {
  public:
-  CheckedReader(std::unique_ptr<ReadableFile> file, const FileKind& kind);
+  CheckedReader(std::unique_ptr<ReadableFile> file, const FileKind& kind, CancelToken cancel = {});
 
   template <class T>
   T Get() {
@@ -105,8 +116,14 @@ class CheckedReader {
       Fail();
       return;
     }
-    values->resize(static_cast<std::size_t>(count));
-    GetBytes(std::as_writable_bytes(std::span(*values)));
+    // In pieces, because filling new memory with zeros takes a time too.
+    values->reserve(static_cast<std::size_t>(count));
+    while (status_.ok() && values->size() < count) {
+      const std::size_t begin = values->size();
+      values->resize(
+          begin + std::min(static_cast<std::size_t>(count) - begin, kFilePieceBytes / sizeof(T)));
+      GetBytes(std::as_writable_bytes(std::span(*values).subspan(begin)));
+    }
     if (!status_.ok()) values->clear();
   }
   void GetBytes(std::span<std::byte> out);
@@ -118,17 +135,21 @@ class CheckedReader {
   void Fail();
 
   /// kCorrupt when anything was wrong: magic, version, byte order, length, contents, or bytes left
-  /// over; kIo when the disk refused.
+  /// over; kIo when the disk refused; kCancelled and kDeadlineExceeded, which say nothing about the
+  /// file.
   Status Finish();
 
  private:
   bool Fill(std::span<std::byte> out);
+  bool Read(std::span<std::byte> out);
 
   std::unique_ptr<ReadableFile> file_;
+  CancelToken cancel_;
+  std::uint64_t next_look_ = 0;  // at cancel_: the offset_ from which on it is due
   Sha256 hash_;
   std::vector<std::byte> buffer_;
   std::size_t buffer_next_ = 0;  // first byte of buffer_ not handed out yet
-  std::uint64_t offset_ = 0;     // in the file, behind buffer_
+  std::uint64_t offset_ = 0;     // in the file, after buffer_
   std::uint64_t remaining_ = 0;  // payload not handed out yet
   std::uint64_t payload_bytes_ = 0;
   std::uint32_t version_ = 0;

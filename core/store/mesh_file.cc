@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/cancel_poll.h"
 #include "core/store/checked_file.h"
 #include "core/store/facts_codec.h"
 
@@ -18,45 +19,55 @@ namespace {
 // Increment the version when parsing or the layout changes a file's content.
 constexpr FileKind kMeshFileKind{"kdraymsh", 2};
 
-std::vector<std::uint8_t> PackBits(const std::vector<bool>& flags) {
+// Work of a flag, and of a triangle's indices (CancelPoll). What comes back means nothing once the
+// poll has stopped.
+constexpr std::uint64_t kFlagWork = 2;
+constexpr std::uint64_t kTriangleWork = 4;
+
+std::vector<std::uint8_t> PackBits(const std::vector<bool>& flags, CancelPoll* poll) {
   std::vector<std::uint8_t> packed((flags.size() + 7) / 8);
-  for (std::size_t i = 0; i < flags.size(); ++i) {
+  PolledLoop(flags.size(), kFlagWork, poll, [&](std::size_t i) {
     if (flags[i]) packed[i / 8] = static_cast<std::uint8_t>(packed[i / 8] | 1u << i % 8);
-  }
+  });
   return packed;
 }
 
-std::vector<bool> UnpackBits(const std::vector<std::uint8_t>& packed, std::size_t count) {
+std::vector<bool> UnpackBits(const std::vector<std::uint8_t>& packed, std::size_t count,
+                             CancelPoll* poll) {
   std::vector<bool> flags(count);
-  for (std::size_t i = 0; i < count; ++i) flags[i] = (packed[i / 8] >> i % 8 & 1u) != 0;
+  PolledLoop(count, kFlagWork, poll,
+             [&](std::size_t i) { flags[i] = (packed[i / 8] >> i % 8 & 1u) != 0; });
   return flags;
 }
 
-bool IndicesAreBelow(std::size_t end, std::span<const TriangleIndices> triangles) {
-  for (const TriangleIndices& triangle : triangles) {
-    for (const std::uint32_t index : triangle) {
-      if (index >= end) return false;
-    }
-  }
-  return true;
+bool IndicesAreBelow(std::size_t end, std::span<const TriangleIndices> triangles,
+                     CancelPoll* poll) {
+  bool are_below = true;
+  PolledLoop(triangles.size(), kTriangleWork, poll, [&](std::size_t i) {
+    for (const std::uint32_t index : triangles[i]) are_below = are_below && index < end;
+  });
+  return are_below;
 }
 
 }  // namespace
 
-Result<NewBlob> WriteMeshFile(const Sha256Digest& mesh, const PreparedMesh& prepared,
-                              NewBlob blob) {
-  CheckedWriter writer(std::move(blob), kMeshFileKind);
+Result<NewBlob> WriteMeshFile(const Sha256Digest& mesh, const PreparedMesh& prepared, NewBlob blob,
+                              const CancelToken& cancel) {
+  CheckedWriter writer(std::move(blob), kMeshFileKind, cancel);
   writer.Put(mesh);
   PutMeshFacts(prepared.facts, &writer);
   prepared.mesh.VisitVertices([&](auto vertices) { writer.PutArray(vertices); });
   writer.PutArray(prepared.mesh.triangles());
-  const std::vector<std::uint8_t> degenerate = PackBits(prepared.mesh.degenerate_flags());
+  CancelPoll poll(cancel);
+  const std::vector<std::uint8_t> degenerate = PackBits(prepared.mesh.degenerate_flags(), &poll);
+  if (poll.stopped()) return poll.ToError();
   writer.PutArray(std::span(degenerate));
   return std::move(writer).Finish();
 }
 
-Result<PreparedMesh> ReadMeshFile(const Sha256Digest& mesh, std::unique_ptr<ReadableFile> file) {
-  CheckedReader reader(std::move(file), kMeshFileKind);
+Result<PreparedMesh> ReadMeshFile(const Sha256Digest& mesh, std::unique_ptr<ReadableFile> file,
+                                  const CancelToken& cancel) {
+  CheckedReader reader(std::move(file), kMeshFileKind, cancel);
   if (reader.Get<Sha256Digest>() != mesh) reader.Fail();
   MeshFacts facts = GetMeshFacts(&reader);
   TriangleMesh::Parts parts;
@@ -73,11 +84,16 @@ Result<PreparedMesh> ReadMeshFile(const Sha256Digest& mesh, std::unique_ptr<Read
   if (degenerate.size() != (parts.triangles.size() + 7) / 8) reader.Fail();
   const std::size_t vertex_count =
       std::visit([](const auto& vertices) { return vertices.size(); }, parts.vertices);
-  if (!IndicesAreBelow(vertex_count, parts.triangles)) reader.Fail();
+  CancelPoll poll(cancel);
+  if (!IndicesAreBelow(vertex_count, parts.triangles, &poll)) reader.Fail();
+  if (poll.stopped()) return poll.ToError();
   if (Status status = reader.Finish(); !status.ok()) return std::move(status).error();
 
-  parts.degenerate = UnpackBits(degenerate, parts.triangles.size());
-  return PreparedMesh{std::move(facts), TriangleMesh::FromParts(std::move(parts))};
+  parts.degenerate = UnpackBits(degenerate, parts.triangles.size(), &poll);
+  if (poll.stopped()) return poll.ToError();
+  Result<TriangleMesh> made = TriangleMesh::FromParts(std::move(parts), cancel);
+  if (!made.ok()) return std::move(made).error();
+  return PreparedMesh{std::move(facts), *std::move(made)};
 }
 
 }  // namespace kdray::core

@@ -4,6 +4,7 @@
 
 #include <memory>
 
+#include "core/base/cancel.h"
 #include "core/base/hash.h"
 #include "core/base/result.h"
 #include "core/catalog/parsed_mesh.h"
@@ -12,11 +13,13 @@
 namespace kdray::core {
 
 /// Writes everything; the result only needs its name (NewBlob::Commit). `mesh` is the hash of the
-/// mesh file's bytes. Errors: those of FileSystem.
-Result<NewBlob> WriteMeshFile(const Sha256Digest& mesh, const PreparedMesh& prepared, NewBlob blob);
+/// mesh file's bytes. Errors: those of FileSystem, kCancelled, kDeadlineExceeded.
+Result<NewBlob> WriteMeshFile(const Sha256Digest& mesh, const PreparedMesh& prepared, NewBlob blob,
+                              const CancelToken& cancel = {});
 
 /// The same mesh, bit for bit. kCorrupt for a file that is damaged, of another version or byte
-/// order, or of another mesh.
-Result<PreparedMesh> ReadMeshFile(const Sha256Digest& mesh, std::unique_ptr<ReadableFile> file);
+/// order, or of another mesh; kCancelled, kDeadlineExceeded.
+Result<PreparedMesh> ReadMeshFile(const Sha256Digest& mesh, std::unique_ptr<ReadableFile> file,
+                                  const CancelToken& cancel = {});
 
 }  // namespace kdray::core

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/store/checked_file.h"
 #include "core/store/mesh_file.h"
 
 namespace kdray::core {
@@ -16,20 +17,26 @@ std::string TreeFileName(const Sha256Digest& mesh, BuildKind build) {
   return TreeId{mesh, build}.ToString();
 }
 
-bool HashesTo(const Sha256Digest& digest, const ReadableFile& file) {
-  constexpr std::uint64_t kPiece = 1 << 20;
-  std::vector<std::byte> piece(kPiece);
-  Sha256 hash;
-  for (std::uint64_t offset = 0; offset < file.size(); offset += piece.size()) {
-    piece.resize(static_cast<std::size_t>(std::min(kPiece, file.size() - offset)));
-    if (!file.ReadAt(offset, piece).ok()) return false;
-    hash.Update(piece);
-  }
-  return hash.Finish() == digest;
-}
-
 Error DamagedMesh() {
   return Error{ErrorCode::kCorrupt, "the stored mesh is damaged or cannot be read"};
+}
+
+// Reads a file whose bytes must have the digest, piece by piece: place(n) is where the next n bytes
+// go. kCorrupt when they have another, or cannot be read.
+template <class Place>
+Status ReadHashed(const ReadableFile& file, const Sha256Digest& digest, const CancelToken& cancel,
+                  const Place& place) {
+  Sha256 hash;
+  for (std::uint64_t offset = 0; offset < file.size();) {
+    if (cancel.ShouldStop()) return cancel.ToError();
+    const std::span<std::byte> piece = place(
+        static_cast<std::size_t>(std::min<std::uint64_t>(kFilePieceBytes, file.size() - offset)));
+    if (!file.ReadAt(offset, piece).ok()) return DamagedMesh();
+    hash.Update(piece);
+    offset += piece.size();
+  }
+  if (hash.Finish() != digest) return DamagedMesh();
+  return {};
 }
 
 Error DiskFull(std::uint64_t bytes, std::uint64_t free) {
@@ -149,24 +156,41 @@ Result<std::unique_ptr<ReadableFile>> SceneStore::OpenCounted(FileGroup group,
 }
 
 void SceneStore::CountDamage(const Error& error) {
-  if (error.code != ErrorCode::kNotFound) ++damaged_;
+  // The others say nothing about the file.
+  if (error.code == ErrorCode::kCorrupt || error.code == ErrorCode::kIo) ++damaged_;
 }
 
-Result<std::unique_ptr<ReadableFile>> SceneStore::OpenMesh(const Sha256Digest& mesh) {
+Result<std::unique_ptr<ReadableFile>> SceneStore::OpenMesh(const Sha256Digest& mesh,
+                                                           const CancelToken& cancel) {
   Result<std::unique_ptr<ReadableFile>> file = Blobs(FileGroup::kMeshes).Read(mesh.ToHex());
-  if (file.ok() && HashesTo(mesh, **file)) return file;
-  ++damaged_;
-  return DamagedMesh();
+  Status status = DamagedMesh();
+  if (file.ok()) {
+    std::vector<std::byte> piece;
+    status = ReadHashed(**file, mesh, cancel, [&](std::size_t bytes) {
+      piece.resize(bytes);
+      return std::span(piece);
+    });
+  }
+  if (status.ok()) return file;
+  CountDamage(status.error());
+  return std::move(status).error();
 }
 
-Result<std::vector<std::byte>> SceneStore::ReadMesh(const Sha256Digest& mesh) {
+Result<std::vector<std::byte>> SceneStore::ReadMesh(const Sha256Digest& mesh,
+                                                    const CancelToken& cancel) {
   const auto file = Blobs(FileGroup::kMeshes).Read(mesh.ToHex());
+  std::vector<std::byte> all;
+  Status status = DamagedMesh();
   if (file.ok()) {
-    std::vector<std::byte> bytes(static_cast<std::size_t>((*file)->size()));
-    if ((*file)->ReadAt(0, bytes).ok() && HashBytes(bytes) == mesh) return bytes;
+    all.reserve(static_cast<std::size_t>((*file)->size()));
+    status = ReadHashed(**file, mesh, cancel, [&](std::size_t bytes) {
+      all.resize(all.size() + bytes);
+      return std::span(all).last(bytes);
+    });
   }
-  ++damaged_;
-  return DamagedMesh();
+  if (status.ok()) return all;
+  CountDamage(status.error());
+  return std::move(status).error();
 }
 
 Status SceneStore::RemoveMesh(const Sha256Digest& mesh) {
@@ -204,11 +228,11 @@ std::uint64_t SceneStore::PreparedFileBytes(const Sha256Digest& mesh) const {
   return usage_.BytesOf(FileGroup::kParsed, mesh.ToHex());
 }
 
-Result<PreparedMesh> SceneStore::ReadPrepared(const Sha256Digest& mesh) {
+Result<PreparedMesh> SceneStore::ReadPrepared(const Sha256Digest& mesh, const CancelToken& cancel) {
   const std::string name = mesh.ToHex();
   Result<std::unique_ptr<ReadableFile>> file = OpenCounted(FileGroup::kParsed, name);
   if (!file.ok()) return std::move(file).error();
-  Result<PreparedMesh> prepared = ReadMeshFile(mesh, *std::move(file));
+  Result<PreparedMesh> prepared = ReadMeshFile(mesh, *std::move(file), cancel);
   if (prepared.ok()) {
     usage_.Use(FileGroup::kParsed, name);
   } else {
@@ -221,11 +245,11 @@ std::uint64_t SceneStore::TreeFileBytes(const Sha256Digest& mesh, BuildKind buil
   return usage_.BytesOf(FileGroup::kTrees, TreeFileName(mesh, build));
 }
 
-Result<Tree> SceneStore::ReadTree(const TreeFileKey& key) {
+Result<Tree> SceneStore::ReadTree(const TreeFileKey& key, const CancelToken& cancel) {
   const std::string name = TreeFileName(key.mesh, key.build);
   Result<std::unique_ptr<ReadableFile>> file = OpenCounted(FileGroup::kTrees, name);
   if (!file.ok()) return std::move(file).error();
-  Result<Tree> tree = ReadTreeFile(key, *std::move(file));
+  Result<Tree> tree = ReadTreeFile(key, *std::move(file), cancel);
   if (tree.ok()) {
     usage_.Use(FileGroup::kTrees, name);
   } else {
@@ -249,14 +273,16 @@ void SceneStore::WriteDerived(FileGroup group, const std::string& name,
   if (written->Commit(name).ok()) usage_.Set(group, std::move(note));
 }
 
-void SceneStore::WritePrepared(const Sha256Digest& mesh, const PreparedMesh& prepared) {
-  WriteDerived(FileGroup::kParsed, mesh.ToHex(), prepared.facts.memory_bytes,
-               [&](NewBlob blob) { return WriteMeshFile(mesh, prepared, std::move(blob)); });
+void SceneStore::WritePrepared(const Sha256Digest& mesh, const PreparedMesh& prepared,
+                               const CancelToken& cancel) {
+  WriteDerived(FileGroup::kParsed, mesh.ToHex(), prepared.facts.memory_bytes, [&](NewBlob blob) {
+    return WriteMeshFile(mesh, prepared, std::move(blob), cancel);
+  });
 }
 
-void SceneStore::WriteTree(const TreeFileKey& key, const Tree& tree) {
+void SceneStore::WriteTree(const TreeFileKey& key, const Tree& tree, const CancelToken& cancel) {
   WriteDerived(FileGroup::kTrees, TreeFileName(key.mesh, key.build), tree.bytes(),
-               [&](NewBlob blob) { return WriteTreeFile(key, tree, std::move(blob)); });
+               [&](NewBlob blob) { return WriteTreeFile(key, tree, std::move(blob), cancel); });
 }
 
 Result<MeasuredTradeoff> SceneStore::ReadTradeoff(const Sha256Digest& mesh) {

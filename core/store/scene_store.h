@@ -26,6 +26,7 @@
 #include <vector>
 
 #include "core/accel/tree.h"
+#include "core/base/cancel.h"
 #include "core/base/hash.h"
 #include "core/base/result.h"
 #include "core/catalog/parsed_mesh.h"
@@ -113,9 +114,11 @@ class SceneStore {
     return !WhyUnreadable(mesh, bytes).has_value();
   }
   /// kCorrupt if it is missing, cannot be read, or its bytes have another hash (this hashes the
-  /// whole file). Storing it again repairs it.
-  Result<std::unique_ptr<ReadableFile>> OpenMesh(const Sha256Digest& mesh);
-  Result<std::vector<std::byte>> ReadMesh(const Sha256Digest& mesh);
+  /// whole file). Storing it again repairs it. kCancelled, kDeadlineExceeded, which say nothing about
+  /// the file.
+  Result<std::unique_ptr<ReadableFile>> OpenMesh(const Sha256Digest& mesh,
+                                                 const CancelToken& cancel = {});
+  Result<std::vector<std::byte>> ReadMesh(const Sha256Digest& mesh, const CancelToken& cancel = {});
   /// Removes the mesh's derived files, then its file, which must have no record. If the disk fails,
   /// it is an unrecorded mesh.
   Status RemoveMesh(const Sha256Digest& mesh);
@@ -124,16 +127,18 @@ class SceneStore {
   /// Records a use, for OldestMesh.
   void UseMesh(const Sha256Digest& mesh);
 
-  // Derived files. A lack of room for one is not an error; it is made again when needed.
+  // Derived files. A lack of room for one is not an error, and neither is a cancelled write; it is
+  // made again when needed. Reading one may also end with kCancelled or kDeadlineExceeded.
 
   /// About the memory that the mesh will take; 0 without a file.
   std::uint64_t PreparedFileBytes(const Sha256Digest& mesh) const;
-  Result<PreparedMesh> ReadPrepared(const Sha256Digest& mesh);
-  void WritePrepared(const Sha256Digest& mesh, const PreparedMesh& prepared);
+  Result<PreparedMesh> ReadPrepared(const Sha256Digest& mesh, const CancelToken& cancel = {});
+  void WritePrepared(const Sha256Digest& mesh, const PreparedMesh& prepared,
+                     const CancelToken& cancel = {});
   /// As PreparedFileBytes.
   std::uint64_t TreeFileBytes(const Sha256Digest& mesh, BuildKind build) const;
-  Result<Tree> ReadTree(const TreeFileKey& key);
-  void WriteTree(const TreeFileKey& key, const Tree& tree);
+  Result<Tree> ReadTree(const TreeFileKey& key, const CancelToken& cancel = {});
+  void WriteTree(const TreeFileKey& key, const Tree& tree, const CancelToken& cancel = {});
   void RemoveTree(const Sha256Digest& mesh, BuildKind build);
 
   /// kNotFound if there is no result.

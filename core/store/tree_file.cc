@@ -37,8 +37,9 @@ void GetWideTree(CheckedReader* reader, WideTree* tree) {
 
 }  // namespace
 
-Result<NewBlob> WriteTreeFile(const TreeFileKey& key, const Tree& tree, NewBlob blob) {
-  CheckedWriter writer(std::move(blob), kTreeFileKind);
+Result<NewBlob> WriteTreeFile(const TreeFileKey& key, const Tree& tree, NewBlob blob,
+                              const CancelToken& cancel) {
+  CheckedWriter writer(std::move(blob), kTreeFileKind, cancel);
   writer.Put(key.mesh);
   writer.Put(std::uint64_t{key.triangle_count});
   PutEnum(key.build, &writer);
@@ -48,8 +49,9 @@ Result<NewBlob> WriteTreeFile(const TreeFileKey& key, const Tree& tree, NewBlob 
   return std::move(writer).Finish();
 }
 
-Result<Tree> ReadTreeFile(const TreeFileKey& key, std::unique_ptr<ReadableFile> file) {
-  CheckedReader reader(std::move(file), kTreeFileKind);
+Result<Tree> ReadTreeFile(const TreeFileKey& key, std::unique_ptr<ReadableFile> file,
+                          const CancelToken& cancel) {
+  CheckedReader reader(std::move(file), kTreeFileKind, cancel);
   const bool expected = reader.Get<Sha256Digest>() == key.mesh &&
                         reader.Get<std::uint64_t>() == key.triangle_count &&
                         GetEnum(BuildKind::kBox, &reader) == key.build &&
@@ -68,7 +70,7 @@ Result<Tree> ReadTreeFile(const TreeFileKey& key, std::unique_ptr<ReadableFile> 
     reader.Fail();
   }
   Status status = reader.Finish();
-  if (status.ok()) status = tree.wide.Validate(key.triangle_count);
+  if (status.ok()) status = tree.wide.Validate(key.triangle_count, cancel);
   if (!status.ok()) return std::move(status).error();
   return tree;
 }

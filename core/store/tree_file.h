@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "core/accel/tree.h"
+#include "core/base/cancel.h"
 #include "core/base/hash.h"
 #include "core/base/result.h"
 #include "core/store/blob_store.h"
@@ -25,11 +26,14 @@ struct TreeFileKey {
 };
 
 /// Writes everything; the result only needs its name (NewBlob::Commit). Errors: those of
-/// FileSystem.
-Result<NewBlob> WriteTreeFile(const TreeFileKey& key, const Tree& tree, NewBlob blob);
+/// FileSystem, kCancelled, kDeadlineExceeded.
+Result<NewBlob> WriteTreeFile(const TreeFileKey& key, const Tree& tree, NewBlob blob,
+                              const CancelToken& cancel = {});
 
 /// The same tree, bit for bit, and safe to traverse (Validate). kCorrupt for a file that is
-/// damaged, of another version, byte order or builder revision, or another tree's.
-Result<Tree> ReadTreeFile(const TreeFileKey& key, std::unique_ptr<ReadableFile> file);
+/// damaged, of another version, byte order or builder revision, or another tree's; kCancelled,
+/// kDeadlineExceeded.
+Result<Tree> ReadTreeFile(const TreeFileKey& key, std::unique_ptr<ReadableFile> file,
+                          const CancelToken& cancel = {});
 
 }  // namespace kdray::core

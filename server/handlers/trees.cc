@@ -123,7 +123,9 @@ api::Outcome<HttpResponse> DeleteTree(const Services& services, Call& call) {
 
 api::Outcome<HttpResponse> GetMesh(const Services& services, Call& call) {
   if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
-  auto opened = services.engine.OpenMesh(call.name);
+  const auto cancel = CancelToken::Cancellable();
+  const auto watch = call.request.peer->CancelWhenGone(cancel);
+  auto opened = services.engine.OpenMesh(call.name, cancel);
   if (!opened) return std::move(opened).problem();
   // The id begins with the digest of these very bytes.
   const std::string etag = Quoted(call.name.substr(0, call.name.find('-')));

@@ -99,7 +99,8 @@ class StubEngine final : public server::Engine {
     return trees_.erase(std::string(id)) == 0 ? api::Check(NotFound()) : std::nullopt;
   }
 
-  api::Outcome<std::unique_ptr<server::MeshBytes>> OpenMesh(std::string_view id) override {
+  api::Outcome<std::unique_ptr<server::MeshBytes>> OpenMesh(std::string_view id,
+                                                            const server::CancelToken&) override {
     const std::lock_guard lock(mutex_);
     const auto tree = trees_.find(std::string(id));
     if (tree == trees_.end()) return NotFound();

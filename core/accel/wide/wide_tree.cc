@@ -10,6 +10,10 @@ namespace {
 
 Error Corrupt(const std::string& what) { return {ErrorCode::kCorrupt, "wide tree: " + what}; }
 
+// Work of looking at a node or a block (CancelPoll).
+constexpr std::uint64_t kNodeWork = 64;
+constexpr std::uint64_t kBlockWork = 16;
+
 bool IsInner(std::uint32_t child) { return (child & WideChild::kLeafBit) == 0; }
 
 bool IsPermutation(std::uint32_t order) {
@@ -20,11 +24,12 @@ bool IsPermutation(std::uint32_t order) {
 
 }  // namespace
 
-std::uint32_t StackSize(const WideTree& tree) {
+std::uint32_t StackSize(const WideTree& tree, CancelPoll* poll) {
   // Backwards, because children come after their parents. While one child is traversed, its
   // siblings lie on the stack.
   std::vector<std::uint32_t> need(tree.nodes.size());
   for (std::size_t i = tree.nodes.size(); i-- > 0;) {
+    if (poll->Spend(kNodeWork)) return 0;
     std::uint32_t children = 0;
     std::uint32_t deepest = 0;
     for (const std::uint32_t child : tree.nodes[i].child) {
@@ -37,7 +42,7 @@ std::uint32_t StackSize(const WideTree& tree) {
   return std::max<std::uint32_t>(1, need.empty() ? 0 : need[0]);
 }
 
-Status WideTree::Validate(std::size_t triangle_count) const {
+Status WideTree::Validate(std::size_t triangle_count, const CancelToken& cancel) const {
   if (bounds.IsEmpty() != (root == WideChild::kEmpty)) return Corrupt("bounds without a root");
   if (root == WideChild::kEmpty) {
     if (nodes.empty() && blocks.empty()) return {};
@@ -52,10 +57,13 @@ Status WideTree::Validate(std::size_t triangle_count) const {
     const std::uint32_t block = child & ~WideChild::kLeafBit;
     return block < blocks.size() && (block == 0 || blocks[block - 1].IsLast());
   };
-  if (!check_child(root, 0) || (IsInner(root) && root != 0))
+  if (!check_child(root, 0) || (IsInner(root) && root != 0)) {
     return Corrupt("the root is out of range");
+  }
   if (!IsInner(root) && !nodes.empty()) return Corrupt("nodes without a leaf");
+  CancelPoll poll(cancel);
   for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (poll.Spend(kNodeWork)) return poll.ToError();
     for (const std::uint32_t child : nodes[i].child) {
       if (!check_child(child, i + 1)) {
         return Corrupt("node " + std::to_string(i) + " has a child that is out of range");
@@ -68,6 +76,7 @@ Status WideTree::Validate(std::size_t triangle_count) const {
     }
   }
   for (std::size_t i = 0; i < blocks.size(); ++i) {
+    if (poll.Spend(kBlockWork)) return poll.ToError();
     for (std::size_t lane = 0; lane < LeafBlock::kWidth; ++lane) {
       const PrimitiveId id = blocks[i].IdOf(lane);
       if (id >= triangle_count && id != LeafBlock::kIdMask) {
@@ -76,7 +85,9 @@ Status WideTree::Validate(std::size_t triangle_count) const {
       }
     }
   }
-  if (stack_size < StackSize(*this)) return Corrupt("the stack is too small");
+  const std::uint32_t needed = StackSize(*this, &poll);
+  if (poll.stopped()) return poll.ToError();
+  if (stack_size < needed) return Corrupt("the stack is too small");
   return {};
 }
 

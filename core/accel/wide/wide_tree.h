@@ -11,6 +11,8 @@
 #include <span>
 #include <vector>
 
+#include "core/base/cancel.h"
+#include "core/base/cancel_poll.h"
 #include "core/base/huge_pages.h"
 #include "core/base/result.h"
 #include "core/geometry/bounds3.h"
@@ -87,8 +89,8 @@ struct WideTree {
 
   /// kCorrupt unless every child is in range and follows its parent, leaves end, ids are below
   /// triangle_count, orders are permutations and the stack is large enough: what a traversal relies
-  /// on. For trees read from disk.
-  Status Validate(std::size_t triangle_count) const;
+  /// on. For trees read from disk. Also kCancelled and kDeadlineExceeded.
+  Status Validate(std::size_t triangle_count, const CancelToken& cancel = {}) const;
 };
 
 template <class Visit, class GoOn>
@@ -150,7 +152,7 @@ void WideTree::Traverse(const LocalRay& ray, double pad, const Visit& visit,
 }
 
 /// The largest number of stack entries of a traversal of these nodes. Children must follow their
-/// parents.
-std::uint32_t StackSize(const WideTree& tree);
+/// parents. Means nothing once the poll has stopped.
+std::uint32_t StackSize(const WideTree& tree, CancelPoll* poll);
 
 }  // namespace kdray::core

@@ -121,7 +121,7 @@ TEST_F(CoreEngineTest, AnUploadIsDescribedAndItsBytesComeBack) {
   EXPECT_THAT(description->plan, HasSubstr("kd-binned"));
   EXPECT_TRUE(Upload(bytes, api::Build::kKdBinned)->existed);
 
-  const auto mesh = engine_->OpenMesh(stored->id);
+  const auto mesh = engine_->OpenMesh(stored->id, {});
   ASSERT_TRUE(mesh.ok());
   MeshBytesVector read((*mesh)->size());
   ASSERT_TRUE((*mesh)->Read(0, read));
@@ -138,7 +138,7 @@ TEST_F(CoreEngineTest, WhatIsNoIdIsNotFoundEverywhere) {
         std::string(5000, 'a')}) {
     EXPECT_EQ(engine_->Describe(id).problem().code, ErrorCode::kTreeNotFound) << id;
     EXPECT_EQ(engine_->Delete(id)->code, ErrorCode::kTreeNotFound);
-    EXPECT_EQ(engine_->OpenMesh(id).problem().code, ErrorCode::kTreeNotFound);
+    EXPECT_EQ(engine_->OpenMesh(id, {}).problem().code, ErrorCode::kTreeNotFound);
     EXPECT_EQ(engine_->Closest(id, SomeRays<double>(1), {}, Soon()).problem().code,
               ErrorCode::kTreeNotFound);
     EXPECT_EQ(engine_->Any(id, SomeRays<double>(1), {}, Soon()).problem().code,

@@ -234,7 +234,7 @@ TEST(TriangleMesh, IsTheSameFromItsParts) {
   parts.vertices.emplace<1>(mesh.vertices<double>().begin(), mesh.vertices<double>().end());
   parts.triangles.assign(mesh.triangles().begin(), mesh.triangles().end());
   parts.degenerate = mesh.degenerate_flags();
-  const TriangleMesh copy = TriangleMesh::FromParts(parts);
+  const TriangleMesh copy = TriangleMesh::FromParts(parts).value();
   EXPECT_EQ(copy.format(), MeshFormat::kOff);
   EXPECT_EQ(copy.frame(), mesh.frame());
   EXPECT_EQ(copy.bounds(), mesh.bounds());

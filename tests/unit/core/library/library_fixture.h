@@ -102,7 +102,7 @@ class LibraryTest : public testing::Test {
     EXPECT_TRUE(library_->Load(added->id, Soon()).ok());
     return added->id;
   }
-  /// Waits until what was built is on disk as well: work on one mesh runs in order.
+  /// Waits until what was built is on disk as well, as far as its files have less than a MiB.
   void Settle() {
     library_->Shutdown();
     Open();
