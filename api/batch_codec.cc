@@ -12,7 +12,7 @@
 namespace kdray::api {
 
 Outcome<RayTable> DecodeRays(std::string_view body, BatchType type, const RayOptions& options,
-                             const Limits& limits) {
+                             const Limits& limits, const ShouldStop& should_stop) {
   if (body.size() > limits.MaxBatchBytes()) {
     Problem problem{ErrorCode::kBodyTooLarge, "the body has " + std::to_string(body.size()) +
                                                   " bytes; a batch has at most " +
@@ -25,30 +25,38 @@ Outcome<RayTable> DecodeRays(std::string_view body, BatchType type, const RayOpt
   if (type == BatchType::kNpy) {
     const Outcome<NpyArray> array = ReadNpy(body);
     if (!array) return array.problem();
-    return RaysFromNpy(*array, options.t_min, t_max, limits.max_rays);
+    return RaysFromNpy(*array, options.t_min, t_max, limits.max_rays, should_stop);
   }
   Outcome<std::vector<RayRow<double>>> rows =
-      ReadRayRows(body, options.t_min, t_max, limits.max_rays);
+      ReadRayRows(body, options.t_min, t_max, limits.max_rays, should_stop);
   if (!rows) return std::move(rows).problem();
   return RayTable{{rows->size()}, *std::move(rows), NumberType::kF8};
 }
 
 std::string EncodeClosest(const ClosestAnswer& answer, const RayTable& rays,
-                          const RayOptions& options, BatchType type) {
+                          const RayOptions& options, BatchType type,
+                          const ShouldStop& should_stop) {
   const NumberType numbers = options.dtype.value_or(rays.number_type());
-  return type == BatchType::kJson ? ClosestAsJson(answer, options.fields, numbers)
-                                  : ClosestAsNpy(answer, options.fields, numbers, rays.shape);
+  return type == BatchType::kJson
+             ? ClosestAsJson(answer, options.fields, numbers, should_stop)
+             : ClosestAsNpy(answer, options.fields, numbers, rays.shape, should_stop);
 }
 
-std::string EncodeAny(const AnyAnswer& answer, const RayTable& rays, BatchType type) {
+std::string EncodeAny(const AnyAnswer& answer, const RayTable& rays, BatchType type,
+                      const ShouldStop& should_stop) {
+  StopPoll poll(should_stop);
   if (type == BatchType::kNpy) {
     std::string out = NpyHeader("'|b1'", rays.shape);
     out.reserve(out.size() + answer.occluded.size());
-    for (const std::uint8_t occluded : answer.occluded) out += occluded ? '\1' : '\0';
+    for (const std::uint8_t occluded : answer.occluded) {
+      if (poll.Row()) return {};
+      out += occluded ? '\1' : '\0';
+    }
     return out;
   }
   std::string out = "{\"results\":[";
   for (std::size_t row = 0; row < answer.occluded.size(); ++row) {
+    if (poll.Row()) return {};
     if (row != 0) out += ',';
     out += answer.occluded[row] ? "true" : "false";
   }

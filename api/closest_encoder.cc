@@ -70,9 +70,10 @@ void AppendField(std::string* out, const ClosestAnswer& answer, std::size_t row,
 }
 
 template <class T>
-std::string Json(const ClosestAnswer& answer, const std::vector<RayField>& fields) {
+std::string Json(const ClosestAnswer& answer, const std::vector<RayField>& fields, StopPoll* poll) {
   std::string out = "{\"results\":[";
   for (std::size_t row = 0; row < answer.hits.size(); ++row) {
+    if (poll->Row()) return {};
     if (row != 0) out += ',';
     if (answer.hits[row].triangle < 0) {
       out += "null";
@@ -152,14 +153,14 @@ char* PutField(char* at, const ClosestAnswer& answer, std::size_t row, RayField 
 }
 
 template <class T>
-void AppendRows(std::string* out, const ClosestAnswer& answer,
-                const std::vector<RayField>& fields) {
+void AppendRows(std::string* out, const ClosestAnswer& answer, const std::vector<RayField>& fields,
+                StopPoll* poll) {
   std::size_t row_bytes = 0;
   for (const RayField field : fields) row_bytes += sizeof(T) * (IsVector(field) ? 3 : 1);
   const std::size_t header_bytes = out->size();
   out->resize(header_bytes + answer.hits.size() * row_bytes);
   char* at = out->data() + header_bytes;
-  for (std::size_t row = 0; row < answer.hits.size(); ++row) {
+  for (std::size_t row = 0; row < answer.hits.size() && !poll->Row(); ++row) {
     for (const RayField field : fields) at = PutField<T>(at, answer, row, field);
   }
 }
@@ -176,13 +177,16 @@ void AppendRows(std::string* out, const ClosestAnswer& answer,
 }  // namespace
 
 std::string ClosestAsJson(const ClosestAnswer& answer, const std::vector<RayField>& fields,
-                          NumberType numbers) {
+                          NumberType numbers, const ShouldStop& should_stop) {
   assert(HasColumns(answer, fields));
-  return numbers == NumberType::kF4 ? Json<float>(answer, fields) : Json<double>(answer, fields);
+  StopPoll poll(should_stop);
+  return numbers == NumberType::kF4 ? Json<float>(answer, fields, &poll)
+                                    : Json<double>(answer, fields, &poll);
 }
 
 std::string ClosestAsNpy(const ClosestAnswer& answer, const std::vector<RayField>& fields,
-                         NumberType numbers, const std::vector<std::size_t>& leading_shape) {
+                         NumberType numbers, const std::vector<std::size_t>& leading_shape,
+                         const ShouldStop& should_stop) {
   assert(HasColumns(answer, fields));
   std::vector<std::size_t> shape = leading_shape;
   std::string descr;
@@ -193,12 +197,13 @@ std::string ClosestAsNpy(const ClosestAnswer& answer, const std::vector<RayField
     descr = StructuredDescr(fields, numbers);
   }
   std::string out = NpyHeader(descr, shape);
+  StopPoll poll(should_stop);
   if (numbers == NumberType::kF4) {
-    AppendRows<float>(&out, answer, fields);
+    AppendRows<float>(&out, answer, fields, &poll);
   } else {
-    AppendRows<double>(&out, answer, fields);
+    AppendRows<double>(&out, answer, fields, &poll);
   }
-  return out;
+  return poll.stopped() ? std::string() : out;
 }
 
 }  // namespace kdray::api

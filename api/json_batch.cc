@@ -41,14 +41,23 @@ constexpr RowForm kRays = {"rays",
 template <class Emit>
 class RowReader {
  public:
-  RowReader(std::string_view text, const RowForm& form, std::uint64_t max_rows, Emit emit)
-      : text_(text), form_(form), max_rows_(max_rows), emit_(std::move(emit)) {}
+  RowReader(std::string_view text, const RowForm& form, std::uint64_t max_rows, Emit emit,
+            const ShouldStop& should_stop)
+      : text_(text),
+        form_(form),
+        max_rows_(max_rows),
+        emit_(std::move(emit)),
+        should_stop_(should_stop) {}
 
   Check Read() {
     if (Check problem = RefuseNul(text_)) return problem;
     // The return value only repeats whether one of the callbacks returned false.
-    json::sax_parse(JsonCursor(text_.data(), &seen_),
-                    JsonCursor(text_.data() + text_.size(), &seen_), this);
+    try {
+      json::sax_parse(JsonCursor(text_.data(), &seen_, &should_stop_),
+                      JsonCursor(text_.data() + text_.size(), &seen_), this);
+    } catch (const JsonStopped&) {
+      return Problem{ErrorCode::kDeadlineExceeded, "the reading of the body was stopped"};
+    }
     return std::move(problem_);
   }
 
@@ -197,6 +206,7 @@ class RowReader {
   const RowForm& form_;
   std::uint64_t max_rows_;
   Emit emit_;
+  const ShouldStop& should_stop_;
   const char* seen_ = text_.data();
   Level level_ = Level::kText;
   std::size_t row_ = 0, column_ = 0;
@@ -208,13 +218,15 @@ class RowReader {
 }  // namespace
 
 Outcome<std::vector<RayRow<double>>> ReadRayRows(std::string_view json_text, double t_min,
-                                                 double t_max, std::uint64_t max_rows) {
+                                                 double t_max, std::uint64_t max_rows,
+                                                 const ShouldStop& should_stop) {
   std::vector<RayRow<double>> rows;
-  RowReader reader(json_text, kRays, max_rows, [&](std::span<const double> n) {
+  const auto emit = [&](std::span<const double> n) {
     const bool with_interval = n.size() == 8;
     rows.push_back({n[0], n[1], n[2], with_interval ? n[6] : t_min, n[3], n[4], n[5],
                     with_interval ? n[7] : t_max});
-  });
+  };
+  RowReader reader(json_text, kRays, max_rows, emit, should_stop);
   if (Check problem = reader.Read()) return *std::move(problem);
   return rows;
 }

@@ -10,9 +10,13 @@
 #include <string_view>
 
 #include "api/errors.h"
+#include "api/should_stop.h"
 #include "api/types.h"
 
 namespace kdray::api {
+
+/// What a JsonCursor throws to get out of the parser, which nothing else interrupts.
+struct JsonStopped {};
 
 /// An input iterator over a text that stores its position for the SAX handler.
 class JsonCursor {
@@ -23,12 +27,18 @@ class JsonCursor {
   using pointer = const char*;
   using reference = const char&;
 
-  /// Sets `*seen` to one past the last character read; it must outlive all copies of the cursor.
-  JsonCursor(const char* at, const char** seen) : at_(at), seen_(seen) {}
+  /// Sets `*seen` to one past the last character read. Asks `*should_stop`, unless it is null, once
+  /// in kBytesPerLook, and throws JsonStopped when it returns true. Both must outlive all copies of
+  /// the cursor.
+  JsonCursor(const char* at, const char** seen, const ShouldStop* should_stop = nullptr)
+      : at_(at), seen_(seen), should_stop_(should_stop) {}
 
   reference operator*() const { return *at_; }
   JsonCursor& operator++() {
     *seen_ = ++at_;
+    if (reinterpret_cast<std::uintptr_t>(at_) % kBytesPerLook == 0) [[unlikely]] {
+      if (should_stop_ != nullptr && *should_stop_ && (*should_stop_)()) throw JsonStopped();
+    }
     return *this;
   }
   JsonCursor operator++(int) {
@@ -39,8 +49,11 @@ class JsonCursor {
   friend bool operator==(const JsonCursor& a, const JsonCursor& b) { return a.at_ == b.at_; }
 
  private:
+  static constexpr std::uintptr_t kBytesPerLook = 1 << 16;
+
   const char* at_;
   const char** seen_;
+  const ShouldStop* should_stop_;
 };
 
 /// The 1-based line of the token whose last character was read just before `seen`. O(text): for

@@ -13,14 +13,14 @@ static_assert(std::endian::native == std::endian::little,
               ".npy elements are copied as they are; a big-endian machine has to swap them");
 
 /// Calls `visit(f)` for each row in C order with its number in Fortran order, the order of its
-/// elements in memory.
+/// elements in memory, until it returns false.
 template <class Visit>
 void InFortranOrder(const std::vector<std::size_t>& shape, std::size_t rows, Visit visit) {
   std::vector<std::size_t> index(shape.size(), 0), stride(shape.size(), 1);
   for (std::size_t d = 1; d < shape.size(); ++d) stride[d] = stride[d - 1] * shape[d - 1];
   std::size_t f = 0;
   for (std::size_t row = 0; row < rows; ++row) {
-    visit(f);
+    if (!visit(f)) return;
     for (std::size_t d = shape.size(); d-- > 0;) {
       f += stride[d];
       if (++index[d] < shape[d]) break;
@@ -30,10 +30,11 @@ void InFortranOrder(const std::vector<std::size_t>& shape, std::size_t rows, Vis
   }
 }
 
-/// `Sent` is the type of the elements, `Kept` that of the rows.
+/// `Sent` is the type of the elements, `Kept` that of the rows. Some are missing once `poll` has
+/// stopped.
 template <class Sent, class Kept>
 std::vector<RayRow<Kept>> Rows(const NpyArray& array, const std::vector<std::size_t>& leading,
-                               std::size_t rows, Kept t_min, Kept t_max) {
+                               std::size_t rows, Kept t_min, Kept t_max, StopPoll* poll) {
   const std::size_t columns = array.shape.back();
   const bool with_interval = columns == 8;
   std::vector<RayRow<Kept>> out;
@@ -46,7 +47,7 @@ std::vector<RayRow<Kept>> Rows(const NpyArray& array, const std::vector<std::siz
   // The elements stand at any address, hence the copies.
   Sent n[8] = {};
   if (!array.fortran_order) {
-    for (std::size_t row = 0; row < rows; ++row) {
+    for (std::size_t row = 0; row < rows && !poll->Row(); ++row) {
       std::memcpy(n, array.data.data() + row * columns * sizeof(Sent), columns * sizeof(Sent));
       append(n);
     }
@@ -57,6 +58,7 @@ std::vector<RayRow<Kept>> Rows(const NpyArray& array, const std::vector<std::siz
                     sizeof(Sent));
       }
       append(n);
+      return !poll->Row();
     });
   }
   return out;
@@ -76,7 +78,7 @@ bool FitsFloat(double value) { return static_cast<double>(static_cast<float>(val
 }  // namespace
 
 Outcome<RayTable> RaysFromNpy(const NpyArray& array, double t_min, double t_max,
-                              std::uint64_t max_rows) {
+                              std::uint64_t max_rows, const ShouldStop& should_stop) {
   if (array.shape.empty() || (array.shape.back() != 6 && array.shape.back() != 8)) {
     return Problem{ErrorCode::kInvalidArray, "the array has the shape " + ShapeText(array.shape) +
                                                  "; rays have the shape (…, 6) or (…, 8)"};
@@ -94,14 +96,18 @@ Outcome<RayTable> RaysFromNpy(const NpyArray& array, double t_min, double t_max,
     return problem;
   }
 
+  StopPoll poll(should_stop);
   const bool interval_fits = array.shape.back() == 8 || (FitsFloat(t_min) && FitsFloat(t_max));
   if (array.type == NumberType::kF8) {
-    table.rows = Rows<double, double>(array, table.shape, rows, t_min, t_max);
+    table.rows = Rows<double, double>(array, table.shape, rows, t_min, t_max, &poll);
   } else if (interval_fits) {
     table.rows = Rows<float, float>(array, table.shape, rows, static_cast<float>(t_min),
-                                    static_cast<float>(t_max));
+                                    static_cast<float>(t_max), &poll);
   } else {
-    table.rows = Rows<float, double>(array, table.shape, rows, t_min, t_max);
+    table.rows = Rows<float, double>(array, table.shape, rows, t_min, t_max, &poll);
+  }
+  if (poll.stopped()) {
+    return Problem{ErrorCode::kDeadlineExceeded, "the reading of the body was stopped"};
   }
   table.sent_as = array.type;
   return table;

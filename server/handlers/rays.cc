@@ -13,7 +13,7 @@ namespace kdray::server {
 namespace {
 
 /// What the queries have in common. `trace(rays, cancel)` asks the engine, `encode(answer, rays,
-/// type)` makes the bytes.
+/// type, should_stop)` makes the bytes.
 template <class Trace, class Encode>
 api::Outcome<HttpResponse> AnswerBatch(const Services& services, Call& call,
                                        const api::RayOptions& options, const Trace& trace,
@@ -32,9 +32,10 @@ api::Outcome<HttpResponse> AnswerBatch(const Services& services, Call& call,
                         .parameter = "deadline_ms"};
   const auto work = BeginWork(services, call, limit);
   if (!work) return work.problem();
+  const api::ShouldStop should_stop = [&cancel = work->cancel] { return cancel.ShouldStop(); };
   const Stopwatch parsing;
-  const auto rays = api::DecodeRays(body->text, *type, options, services.limits);
-  if (!rays) return rays.problem();
+  const auto rays = api::DecodeRays(body->text, *type, options, services.limits, should_stop);
+  if (!rays) return should_stop() ? limit.Explain(work->WhyStopped()) : rays.problem();
   body->text = std::string();  // from here on the rows are enough
   call.timing.parse_ms = parsing.ms();
 
@@ -43,8 +44,10 @@ api::Outcome<HttpResponse> AnswerBatch(const Services& services, Call& call,
   call.timing.trace_ms = answer->trace_ms;
 
   const Stopwatch encoding;
+  std::string bytes = encode(*answer, *rays, *answer_type, should_stop);
+  if (bytes.empty()) return limit.Explain(work->WhyStopped());
   HttpResponse response;
-  response.body = encode(*answer, *rays, *answer_type);
+  response.body = std::move(bytes);
   call.timing.encode_ms = encoding.ms();
   response.headers.Add("Content-Type", api::ContentType(*answer_type));
   response.headers.Add("Vary", "Accept");
@@ -64,8 +67,9 @@ api::Outcome<HttpResponse> PostRaysClosest(const Services& services, Call& call)
       [&](const api::RayTable& rays, const CancelToken& cancel) {
         return services.engine.Closest(call.name, rays, *options, cancel);
       },
-      [&](const api::ClosestAnswer& answer, const api::RayTable& rays, api::BatchType type) {
-        return api::EncodeClosest(answer, rays, *options, type);
+      [&](const api::ClosestAnswer& answer, const api::RayTable& rays, api::BatchType type,
+          const api::ShouldStop& should_stop) {
+        return api::EncodeClosest(answer, rays, *options, type, should_stop);
       });
 }
 
@@ -77,8 +81,9 @@ api::Outcome<HttpResponse> PostRaysAny(const Services& services, Call& call) {
       [&](const api::RayTable& rays, const CancelToken& cancel) {
         return services.engine.Any(call.name, rays, *options, cancel);
       },
-      [](const api::AnyAnswer& answer, const api::RayTable& rays, api::BatchType type) {
-        return api::EncodeAny(answer, rays, type);
+      [](const api::AnyAnswer& answer, const api::RayTable& rays, api::BatchType type,
+         const api::ShouldStop& should_stop) {
+        return api::EncodeAny(answer, rays, type, should_stop);
       });
 }
 

@@ -4,6 +4,8 @@
 #include <string>
 #include <utility>
 
+#include "server/mapping.h"
+
 namespace kdray::server {
 namespace {
 
@@ -35,6 +37,8 @@ Problem TimeLimit::Explain(Problem problem) const {
   if (ms == default_ms) problem.detail += ", the default";
   return problem;
 }
+
+Problem Work::WhyStopped() const { return ToProblem(cancel.ToError()); }
 
 api::Outcome<Work> BeginWork(const Services& services, Call& call, const TimeLimit& limit) {
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::milliseconds(limit.ms);

@@ -29,6 +29,9 @@ struct Work {
   CancelToken cancel;           ///< the deadline, and the client's departure
   std::shared_ptr<void> watch;  ///< for the departure
   Admission::Turn turn;
+
+  /// Why the work was stopped, once `cancel` says that it is time to stop.
+  api::Problem WhyStopped() const;
 };
 
 /// Waits until the tree is built (tree_building when the limit comes first), then for a turn. The

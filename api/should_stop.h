@@ -1,0 +1,33 @@
+// How a caller ends what takes long here, when nobody wants its result any more.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <utility>
+
+namespace kdray::api {
+
+/// Asked now and then, from the calling thread; true ends the work. Empty: never.
+using ShouldStop = std::function<bool()>;
+
+/// Asks once in so many rows.
+class StopPoll {
+ public:
+  explicit StopPoll(ShouldStop should_stop) : should_stop_(std::move(should_stop)) {}
+
+  /// Counts a row. Returns whether it is time to stop; once true, always true.
+  bool Row() {
+    if (rows_++ % kRowsPerLook == 0 && should_stop_ && should_stop_()) stopped_ = true;
+    return stopped_;
+  }
+  bool stopped() const { return stopped_; }
+
+ private:
+  static constexpr std::uint64_t kRowsPerLook = 1024;
+
+  ShouldStop should_stop_;
+  std::uint64_t rows_ = 0;
+  bool stopped_ = false;
+};
+
+}  // namespace kdray::api
