@@ -156,8 +156,9 @@ class RealEngine final : public CoreEngine {
     if (!after.empty()) {
       position = ParseCursor(after);
       if (!position) {
-        return ToProblem({core::ErrorCode::kInvalidArgument,
-                          "after: must be `next` of an earlier page, as it came"});
+        return ToProblem({.code = core::ErrorCode::kInvalidArgument,
+                          .message = "must be `next` of an earlier page, as it came",
+                          .field = "after"});
       }
     }
     // One more than asked for tells whether there is a next page.
@@ -369,7 +370,7 @@ class RealEngine final : public CoreEngine {
 
 core::Result<std::unique_ptr<CoreEngine>> MakeCoreEngine(CoreEngineOptions options) {
   if (options.threads < 1) {
-    return core::Error{core::ErrorCode::kInvalidArgument, "threads: must be at least 1"};
+    return core::Error{core::ErrorCode::kInvalidArgument, "threads must be at least 1"};
   }
   core::LibraryOptions library_options;
   library_options.data_dir = options.data_dir;

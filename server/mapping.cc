@@ -30,16 +30,6 @@ core::Rgb ToRgb(const api::Vec3& c) {
   return {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
 }
 
-// Core names a wrong field in front: "width: must be …".
-std::optional<std::string> FieldOf(const std::string& message) {
-  const std::size_t colon = message.find(':');
-  if (colon == std::string::npos ||
-      message.find_first_not_of("abcdefghijklmnopqrstuvwxyz_") < colon) {
-    return std::nullopt;
-  }
-  return message.substr(0, colon);
-}
-
 api::ErrorCode CodeOf(core::ErrorCode code, api::ErrorCode not_found) {
   switch (code) {
     case core::ErrorCode::kInvalidMesh:
@@ -125,15 +115,16 @@ api::Problem ToProblem(const core::Error& error, api::ErrorCode not_found) {
   problem.code = CodeOf(error.code, not_found);
   problem.detail = error.message;
   problem.line = error.line;
+  if (!error.field.empty()) {
+    problem.parameter = error.field;
+    problem.detail = std::string(error.field) + ": " + error.message;
+  }
   switch (problem.code) {
     case api::ErrorCode::kInternal:
       problem.detail =
           error.code == core::ErrorCode::kCorrupt
               ? "the stored mesh is damaged or cannot be read; uploading it again repairs it"
               : "the server made a mistake or its disk failed";
-      break;
-    case api::ErrorCode::kInvalidParameter:
-      problem.parameter = FieldOf(error.message);
       break;
     case api::ErrorCode::kMemoryFull:
       problem.retry_after_s = kRetryMemorySeconds;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <variant>
 
@@ -36,6 +37,9 @@ struct Error {
                         ///< no addresses
   std::optional<std::uint64_t> line = std::nullopt;  ///< 1-based line of a text file
   std::optional<std::uint64_t> byte = std::nullopt;  ///< 0-based offset in a binary file
+  /// With kInvalidArgument, the field of the options that is wrong, if it is one: "fov_deg". A
+  /// string literal, which the message does not repeat.
+  std::string_view field = {};
 };
 
 /// Either a T or an Error. Access to the wrong one is a mistake of ours and asserts.

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 #include <string>
+#include <string_view>
 #include <utility>
 
 namespace kdray::core {
@@ -20,8 +21,8 @@ constexpr double kFrontElevationDeg = 20;
 
 double ToRadians(double degrees) { return degrees * (std::numbers::pi / 180.0); }
 
-Error Invalid(std::string message) {
-  return Error{ErrorCode::kInvalidArgument, std::move(message)};
+Error Invalid(std::string_view field, std::string message) {
+  return Error{.code = ErrorCode::kInvalidArgument, .message = std::move(message), .field = field};
 }
 
 // The directions that the framing rules name.
@@ -74,19 +75,19 @@ std::array<Corner, 8> CornersAround(const Bounds3d& bounds, const Vec3d& middle,
 
 // Step 1: checks the caller's numbers.
 Status Check(const CameraSpec& spec) {
-  if (spec.eye && !IsFinite(*spec.eye)) return Invalid("eye: not finite");
-  if (spec.target && !IsFinite(*spec.target)) return Invalid("target: not finite");
-  if (spec.up && !IsFinite(*spec.up)) return Invalid("up: not finite");
-  if (spec.up && MaxAbs(*spec.up) == 0) return Invalid("up: is zero");
+  if (spec.eye && !IsFinite(*spec.eye)) return Invalid("eye", "must be finite");
+  if (spec.target && !IsFinite(*spec.target)) return Invalid("target", "must be finite");
+  if (spec.up && !IsFinite(*spec.up)) return Invalid("up", "must be finite");
+  if (spec.up && MaxAbs(*spec.up) == 0) return Invalid("up", "must not be zero");
   if (spec.fov_deg && !(*spec.fov_deg > 0 && *spec.fov_deg < 180)) {
-    return Invalid("fov_deg: must be above 0 and below 180");
+    return Invalid("fov_deg", "must be above 0 and below 180");
   }
   if (spec.view_height && !(*spec.view_height > 0 && std::isfinite(*spec.view_height))) {
-    return Invalid("view_height: must be above 0");
+    return Invalid("view_height", "must be above 0");
   }
   if (spec.eye && spec.target) {
-    if (*spec.eye == *spec.target) return Invalid("eye: equals target");
-    if (!IsFinite(*spec.target - *spec.eye)) return Invalid("eye: too far from target");
+    if (*spec.eye == *spec.target) return Invalid("eye", "must differ from target");
+    if (!IsFinite(*spec.target - *spec.eye)) return Invalid("eye", "too far from target");
   }
   return {};
 }
@@ -97,7 +98,7 @@ Status ChooseAxes(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera
   const Vec3d toward_viewer = Compass(up).TowardViewer();
   if (spec.eye) {
     Vec3d view = spec.target.value_or(bounds.Center()) - *spec.eye;
-    if (!IsFinite(view)) return Invalid("eye: too far from the mesh");
+    if (!IsFinite(view)) return Invalid("eye", "too far from the mesh");
     camera->forward = MaxAbs(view) > 0 ? NormalizedAtAnyScale(view) : -toward_viewer;
   } else {
     camera->forward = -toward_viewer;
@@ -106,7 +107,7 @@ Status ChooseAxes(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera
   camera->up = spec.up.value_or(Vec3d{0, 1, 0});
   Vec3d right = Cross(camera->forward, up);
   if (!(Length(right) > kParallel)) {
-    if (spec.up) return Invalid("up: must not be parallel to the view from eye to target");
+    if (spec.up) return Invalid("up", "must not be parallel to the view from eye to target");
     camera->up = Vec3d{0, 0, camera->forward.y < 0 ? -1.0 : 1.0};
     right = Cross(camera->forward, camera->up);
   }
@@ -190,7 +191,7 @@ Result<Camera> ResolveCamera(const CameraSpec& spec, const Bounds3d& bounds, int
   }
   if (!IsFinite(camera.eye) || !IsFinite(camera.target) || !std::isfinite(camera.half_width) ||
       !std::isfinite(camera.half_height)) {
-    return Invalid("eye: the view is too large for the numbers that describe it");
+    return Invalid("eye", "the view is too large for the numbers that describe it");
   }
   return camera;
 }

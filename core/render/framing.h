@@ -33,10 +33,10 @@ inline constexpr double kDefaultFovDeg = 40;
 /// If eye and target are given, they are not changed; a perspective camera then may not show the
 /// mesh.
 ///
-/// kInvalidArgument, with the field's name first: a number that is not finite, eye equal to target,
-/// up zero or along the view, fov_deg or view_height outside its range, a view too large for
-/// double. Otherwise every number of the camera is finite, for flat and point-like boxes and for
-/// any box of float range.
+/// kInvalidArgument with Error::field: a number that is not finite, eye equal to target, up zero or
+/// along the view, fov_deg or view_height outside its range, a view too large for double. Otherwise
+/// every number of the camera is finite, for flat and point-like boxes and for any box of float
+/// range.
 Result<Camera> ResolveCamera(const CameraSpec& spec, const Bounds3d& bounds, int width, int height);
 
 inline constexpr double kFramedShare = 0.97;

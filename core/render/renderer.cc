@@ -7,6 +7,7 @@
 #include <mutex>
 #include <span>
 #include <string>
+#include <string_view>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -25,8 +26,8 @@ constexpr int kRaysPerTile = 4096;
 // Samples that are added to a pixel that is still noisy.
 constexpr int kAdaptiveStep = 16;
 
-Error Invalid(std::string message) {
-  return Error{ErrorCode::kInvalidArgument, std::move(message)};
+Error Invalid(std::string_view field, std::string message) {
+  return Error{.code = ErrorCode::kInvalidArgument, .message = std::move(message), .field = field};
 }
 
 bool InUnitRange(const Rgb& c) {
@@ -38,22 +39,21 @@ Region RegionOf(const RenderSpec& spec) {
   return spec.region.value_or(Region{0, 0, spec.width, spec.height});
 }
 
-Status CheckRange(const char* name, int value, int max) {
+Status CheckRange(std::string_view field, int value, int max) {
   if (value >= 1 && value <= max) return {};
-  return Invalid(std::string(name) + ": must be 1 to " + std::to_string(max) + ", not " +
-                 std::to_string(value));
+  return Invalid(field, "must be 1 to " + std::to_string(max) + ", not " + std::to_string(value));
 }
 
 Status CheckRegion(const RenderSpec& spec) {
   const Region r = RegionOf(spec);
   if (!(0 <= r.x0 && r.x0 < r.x1 && r.x1 <= spec.width && 0 <= r.y0 && r.y0 < r.y1 &&
         r.y1 <= spec.height)) {
-    return Invalid("region: must be x0,y0,x1,y1 with x0 < x1 and y0 < y1 within the image");
+    return Invalid("region", "must be x0,y0,x1,y1 with x0 < x1 and y0 < y1 within the image");
   }
   if (std::max(r.width(), r.height()) > RenderSpec::kMaxSide) {
-    return Invalid("region: must be at most " + std::to_string(RenderSpec::kMaxSide) +
-                   " pixels a side, not " + std::to_string(r.width()) + " x " +
-                   std::to_string(r.height()));
+    return Invalid("region", "must be at most " + std::to_string(RenderSpec::kMaxSide) +
+                                 " pixels a side, not " + std::to_string(r.width()) + " x " +
+                                 std::to_string(r.height()));
   }
   return {};
 }
@@ -67,12 +67,12 @@ Status Check(const RenderSpec& spec) {
     if (Status status = CheckRange(name, value, max); !status.ok()) return status;
   }
   if (spec.max_noise && !(*spec.max_noise > 0 && std::isfinite(*spec.max_noise))) {
-    return Invalid("max_noise: must be greater than 0");
+    return Invalid("max_noise", "must be greater than 0");
   }
-  if (spec.budget && spec.budget->count() <= 0) return Invalid("budget_ms: must be at least 1");
-  if (!InUnitRange(spec.color)) return Invalid("color: each part must be 0 to 1");
+  if (spec.budget && spec.budget->count() <= 0) return Invalid("budget_ms", "must be at least 1");
+  if (!InUnitRange(spec.color)) return Invalid("color", "each part must be 0 to 1");
   if (spec.background && !InUnitRange(spec.background->color)) {
-    return Invalid("background: each part must be 0 to 1");
+    return Invalid("background", "each part must be 0 to 1");
   }
   return CheckRegion(spec);
 }
@@ -313,9 +313,7 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
     Result<std::vector<TreeCell>> cells = scene.Cells(*spec.cells_depth, spec.max_cells, cancel);
     if (!cells.ok()) {
       Error error = std::move(cells).error();
-      if (error.code == ErrorCode::kInvalidArgument) {
-        error.message = "cells_depth: " + error.message;
-      }
+      if (error.code == ErrorCode::kInvalidArgument) error.field = "cells_depth";
       return error;
     }
     renderer.SetLines(CellLines(*cells, image.camera, region, LineStyle{}, cancel));

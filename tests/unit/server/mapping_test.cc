@@ -83,11 +83,13 @@ TEST(Mapping, AProblemSaysLineAndFieldAndNothingInternal) {
   error.line = 7;
   EXPECT_EQ(ToProblem(error).line, 7u);
   EXPECT_EQ(ToProblem(error).detail, "line 7: no such vertex");
-  const api::Problem field =
-      ToProblem({core::ErrorCode::kInvalidArgument, "fov_deg: must be below 180"});
+  const api::Problem field = ToProblem({.code = core::ErrorCode::kInvalidArgument,
+                                        .message = "must be below 180",
+                                        .field = "fov_deg"});
   EXPECT_EQ(field.parameter, "fov_deg");
+  EXPECT_EQ(field.detail, "fov_deg: must be below 180");
   const api::Problem no_field =
-      ToProblem({core::ErrorCode::kInvalidArgument, "Something else: is wrong"});
+      ToProblem({core::ErrorCode::kInvalidArgument, "depth: of a text, which names no field"});
   EXPECT_EQ(no_field.parameter, std::nullopt);
   EXPECT_THAT(ToProblem({core::ErrorCode::kIo, "disk sda has a secret"}).detail,
               Not(HasSubstr("secret")));

@@ -246,29 +246,29 @@ TEST(Framing, RefusesWhatMakesNoView) {
   constexpr double kInf = std::numeric_limits<double>::infinity();
   struct Case {
     CameraSpec spec;
-    std::string begins;
+    std::string field;
   };
   const std::vector<Case> cases = {
-      {{.eye = Vec3d{kNan, 0, 0}}, "eye: "},
-      {{.target = Vec3d{0, kInf, 0}}, "target: "},
-      {{.up = Vec3d{0, 0, kNan}}, "up: "},
-      {{.up = Vec3d{}}, "up: "},
-      {{.eye = Vec3d{1, 2, 3}, .target = Vec3d{1, 2, 3}}, "eye: "},
-      {{.eye = Vec3d{0, 0, -1.7e308}, .target = Vec3d{0, 0, 1.7e308}}, "eye: "},
-      {{.eye = Vec3d{0, 0, 3}, .target = Vec3d{}, .up = Vec3d{0, 0, -2}}, "up: "},
-      {{.eye = Vec3d{0, 0, 3}, .target = Vec3d{}, .up = Vec3d{0, 1e-12, 1}}, "up: "},
-      {{.fov_deg = 0.0}, "fov_deg: "},
-      {{.fov_deg = 180.0}, "fov_deg: "},
-      {{.fov_deg = kNan}, "fov_deg: "},
-      {{.view_height = 0.0}, "view_height: "},
-      {{.view_height = -1.0}, "view_height: "},
-      {{.view_height = kInf}, "view_height: "},
+      {{.eye = Vec3d{kNan, 0, 0}}, "eye"},
+      {{.target = Vec3d{0, kInf, 0}}, "target"},
+      {{.up = Vec3d{0, 0, kNan}}, "up"},
+      {{.up = Vec3d{}}, "up"},
+      {{.eye = Vec3d{1, 2, 3}, .target = Vec3d{1, 2, 3}}, "eye"},
+      {{.eye = Vec3d{0, 0, -1.7e308}, .target = Vec3d{0, 0, 1.7e308}}, "eye"},
+      {{.eye = Vec3d{0, 0, 3}, .target = Vec3d{}, .up = Vec3d{0, 0, -2}}, "up"},
+      {{.eye = Vec3d{0, 0, 3}, .target = Vec3d{}, .up = Vec3d{0, 1e-12, 1}}, "up"},
+      {{.fov_deg = 0.0}, "fov_deg"},
+      {{.fov_deg = 180.0}, "fov_deg"},
+      {{.fov_deg = kNan}, "fov_deg"},
+      {{.view_height = 0.0}, "view_height"},
+      {{.view_height = -1.0}, "view_height"},
+      {{.view_height = kInf}, "view_height"},
   };
   for (const Case& c : cases) {
     const Result<Camera> camera = ResolveCamera(c.spec, kUnitBox, 64, 48);
-    ASSERT_FALSE(camera.ok()) << c.begins;
+    ASSERT_FALSE(camera.ok()) << c.field;
     EXPECT_EQ(camera.error().code, ErrorCode::kInvalidArgument);
-    EXPECT_EQ(camera.error().message.substr(0, c.begins.size()), c.begins);
+    EXPECT_EQ(camera.error().field, c.field);
   }
 }
 
