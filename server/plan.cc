@@ -14,29 +14,12 @@ std::string Shortest(double value) {
   return std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
 }
 
-std::string_view StructureOf(core::BuildKind build) {
-  switch (build) {
-    case core::BuildKind::kKdSah:
-      return "A kd-tree by the surface area heuristic, with clipped triangles";
-    case core::BuildKind::kKdBinned:
-      return "A kd-tree by the surface area heuristic on binned planes, which builds faster";
-    case core::BuildKind::kKdCyclic:
-      return "A kd-tree by the surface area heuristic on centroid planes, its axes in turn";
-    case core::BuildKind::kKdMedian:
-      return "A kd-tree split at centroid medians, its axes in turn";
-    case core::BuildKind::kBvh:
-      return "A bounding volume hierarchy by the binned surface area heuristic";
-    case core::BuildKind::kBox:
-      break;
-  }
-  return "One bounding box and then every triangle";
-}
-
 std::string DescribeStructure(const core::TreeRecord& record, const core::MeshFacts& mesh,
                               core::BuildKind build) {
-  std::string text(StructureOf(build));
+  const core::BuildKindWords words = core::WordsFor(build);
+  std::string text(words.structure);
   text += " (";
-  text += core::Name(build);
+  text += words.name;
   if (record.id.build) {
     text += ", as asked)";
   } else if (build == core::BuildKind::kBox) {

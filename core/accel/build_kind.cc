@@ -2,24 +2,6 @@
 
 namespace kdray::core {
 
-std::string_view Name(BuildKind kind) {
-  switch (kind) {
-    case BuildKind::kKdSah:
-      return "kd-sah";
-    case BuildKind::kKdBinned:
-      return "kd-binned";
-    case BuildKind::kKdCyclic:
-      return "kd-cyclic";
-    case BuildKind::kKdMedian:
-      return "kd-median";
-    case BuildKind::kBvh:
-      return "bvh";
-    case BuildKind::kBox:
-      return "box";
-  }
-  return "";
-}
-
 std::optional<BuildKind> ParseBuildKind(std::string_view name) {
   for (const BuildKind kind : kAllBuildKinds) {
     if (Name(kind) == name) return kind;

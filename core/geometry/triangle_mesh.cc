@@ -163,20 +163,6 @@ std::size_t CountTrue(const std::vector<bool>& flags, CancelPoll* poll) {
 
 }  // namespace
 
-std::string_view Name(MeshFormat format) {
-  switch (format) {
-    case MeshFormat::kObj:
-      return "obj";
-    case MeshFormat::kPly:
-      return "ply";
-    case MeshFormat::kStl:
-      return "stl";
-    case MeshFormat::kOff:
-      return "off";
-  }
-  return "unknown";
-}
-
 Result<TriangleMesh> TriangleMesh::Create(const MeshData& data, const CancelToken& cancel) {
   CancelPoll poll(cancel);
   std::vector<TriangleIndices> triangles = Copy(data.triangles, &poll);

@@ -21,8 +21,19 @@
 namespace kdray::core {
 
 enum class MeshFormat : std::uint8_t { kObj, kPly, kStl, kOff };
-/// "obj", "ply", "stl", "off".
-std::string_view Name(MeshFormat format);
+constexpr std::string_view Name(MeshFormat format) {
+  switch (format) {
+    case MeshFormat::kObj:
+      return "obj";
+    case MeshFormat::kPly:
+      return "ply";
+    case MeshFormat::kStl:
+      return "stl";
+    case MeshFormat::kOff:
+      return "off";
+  }
+  return {};
+}
 
 /// Largest |coordinate| of a vertex that triangles use: what a 32-bit float holds, rounded down.
 inline constexpr double kMaxCoordinate = 3.4e38;

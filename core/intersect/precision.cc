@@ -2,27 +2,6 @@
 
 namespace kdray::core {
 
-std::string_view Name(Precision precision) {
-  switch (precision) {
-    case Precision::kFast:
-      return "fast";
-    case Precision::kWatertight:
-      return "watertight";
-    case Precision::kDouble:
-      return "double";
-    case Precision::kExact:
-      return "exact";
-  }
-  return "";
-}
-
-std::optional<Precision> ParsePrecision(std::string_view name) {
-  for (const Precision precision : kAllPrecisions) {
-    if (Name(precision) == name) return precision;
-  }
-  return std::nullopt;
-}
-
 Precision AutoPrecision(const TriangleMesh& mesh) {
   return AutoPrecision(mesh.has_double_vertices(), mesh.shortest_edge());
 }

@@ -1,11 +1,10 @@
 // The arithmetic of the triangle intersection.
 #pragma once
 
-#include <array>
 #include <cstdint>
-#include <optional>
 #include <string_view>
 
+#include "core/base/enumerators.h"
 #include "core/geometry/triangle_mesh.h"
 
 namespace kdray::core {
@@ -16,12 +15,21 @@ enum class Precision : std::uint8_t {
   kDouble,      ///< the same in double, with exact edge signs
   kExact,       ///< hits and the order of t are those of the real numbers that were sent
 };
-inline constexpr std::array kAllPrecisions = {Precision::kFast, Precision::kWatertight,
-                                              Precision::kDouble, Precision::kExact};
 
-/// "fast", "watertight", "double", "exact".
-std::string_view Name(Precision precision);
-std::optional<Precision> ParsePrecision(std::string_view name);
+constexpr std::string_view Name(Precision precision) {
+  switch (precision) {
+    case Precision::kFast:
+      return "fast";
+    case Precision::kWatertight:
+      return "watertight";
+    case Precision::kDouble:
+      return "double";
+    case Precision::kExact:
+      return "exact";
+  }
+  return {};
+}
+inline constexpr auto kAllPrecisions = kAll<Precision>;
 
 /// The precision of `auto` for `closest` and `any` on this mesh: watertight if floats represent
 /// every vertex exactly and the largest |local coordinate| is less than 2^20 shortest edges; else

@@ -28,7 +28,7 @@ void PutTreeFacts(const TreeFacts& facts, CheckedWriter* writer) {
 // nullopt when the record does not tell all of them: then a build is due.
 std::optional<TreeFacts> GetTreeFacts(CheckedReader* reader) {
   TreeFacts facts;
-  facts.build = GetEnum(BuildKind::kBox, reader);
+  facts.build = GetEnum<BuildKind>(reader);
   std::optional<TreeStats> stats =
       GetTreeStats(reader->version() < kFirstWithMaxLeaf ? TreeStatsLayout::kWithoutMaxLeaf
                                                          : TreeStatsLayout::kWithMaxLeaf,

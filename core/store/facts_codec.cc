@@ -38,7 +38,7 @@ void PutMeshFacts(const MeshFacts& facts, CheckedWriter* writer) {
 
 MeshFacts GetMeshFacts(CheckedReader* reader) {
   MeshFacts facts;
-  facts.format = GetEnum(MeshFormat::kOff, reader);
+  facts.format = GetEnum<MeshFormat>(reader);
   facts.file_bytes = reader->Get<std::uint64_t>();
   facts.triangles = reader->Get<std::uint64_t>();
   facts.dropped = reader->Get<std::uint64_t>();

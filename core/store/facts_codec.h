@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "core/base/enumerators.h"
 #include "core/catalog/facts.h"
 #include "core/store/checked_file.h"
 
@@ -20,15 +21,14 @@ inline constexpr bool kStorable<Bounds3d> = true;
 template <>
 inline constexpr bool kStorable<Sha256Digest> = true;
 
-/// An enumerator as a number; reading fails beyond `last`.
+/// An enumerator as a number; reading fails for a number that no enumerator has.
 template <class Enum>
 void PutEnum(Enum value, CheckedWriter* writer) {
   writer->Put(static_cast<std::uint8_t>(value));
 }
 template <class Enum>
-Enum GetEnum(Enum last, CheckedReader* reader) {
-  const int end = static_cast<int>(last) + 1;
-  return static_cast<Enum>(reader->GetBelow(static_cast<std::uint8_t>(end)));
+Enum GetEnum(CheckedReader* reader) {
+  return static_cast<Enum>(reader->GetBelow(static_cast<std::uint8_t>(kAll<Enum>.size())));
 }
 void PutBool(bool value, CheckedWriter* writer);
 bool GetBool(CheckedReader* reader);

@@ -40,7 +40,7 @@ void Put(const Accuracy& accuracy, CheckedWriter* writer) {
 }
 Accuracy GetAccuracy(CheckedReader* reader) {
   Accuracy accuracy;
-  accuracy.precision = GetEnum(Precision::kExact, reader);
+  accuracy.precision = GetEnum<Precision>(reader);
   if (GetBool(reader)) accuracy.leaks = GetRate(reader);
   accuracy.wrong_triangles = GetRate(reader);
   accuracy.unconnected_triangles = GetRate(reader);
@@ -76,7 +76,7 @@ void Put(const MeasuredBuild& build, CheckedWriter* writer) {
 }
 MeasuredBuild GetBuild(CheckedReader* reader) {
   MeasuredBuild build;
-  build.build = GetEnum(BuildKind::kBox, reader);
+  build.build = GetEnum<BuildKind>(reader);
   build.build_ms = reader->Get<double>();
   build.bytes = reader->Get<std::uint64_t>();
   build.sah_cost = reader->Get<double>();
@@ -107,8 +107,8 @@ void Put(const MeasuredPair& pair, CheckedWriter* writer) {
 }
 MeasuredPair GetPair(CheckedReader* reader) {
   MeasuredPair pair;
-  pair.build = GetEnum(BuildKind::kBox, reader);
-  pair.precision = GetEnum(Precision::kExact, reader);
+  pair.build = GetEnum<BuildKind>(reader);
+  pair.precision = GetEnum<Precision>(reader);
   pair.random = GetSpeed(reader);
   pair.aimed = GetSpeed(reader);
   pair.differences = GetRate(reader);

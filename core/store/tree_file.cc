@@ -52,10 +52,9 @@ Result<NewBlob> WriteTreeFile(const TreeFileKey& key, const Tree& tree, NewBlob 
 Result<Tree> ReadTreeFile(const TreeFileKey& key, std::unique_ptr<ReadableFile> file,
                           const CancelToken& cancel) {
   CheckedReader reader(std::move(file), kTreeFileKind, cancel);
-  const bool expected = reader.Get<Sha256Digest>() == key.mesh &&
-                        reader.Get<std::uint64_t>() == key.triangle_count &&
-                        GetEnum(BuildKind::kBox, &reader) == key.build &&
-                        reader.Get<std::uint32_t>() == kBuilderRevision;
+  const bool expected =
+      reader.Get<Sha256Digest>() == key.mesh && reader.Get<std::uint64_t>() == key.triangle_count &&
+      GetEnum<BuildKind>(&reader) == key.build && reader.Get<std::uint32_t>() == kBuilderRevision;
   if (!expected) reader.Fail();
   Tree tree;
   tree.build = key.build;
