@@ -143,11 +143,11 @@ std::string EncodeCapabilities(std::string_view version, const Limits& limits) {
 
 std::string EncodeProblem(const Problem& problem, std::string_view request_id) {
   const ErrorRow& row = RowOf(problem.code);
-  Json json = {{"type", "/problems/" + std::string(row.name)},
+  Json json = {{"type", "/problems/" + std::string(Name(row.code))},
                {"title", row.title},
                {"status", row.status},
                {"detail", problem.detail},
-               {"code", row.name},
+               {"code", Name(row.code)},
                {"request_id", request_id}};
   if (problem.parameter) json["parameter"] = *problem.parameter;
   if (problem.limit) json["limit"] = PlainNumber(*problem.limit);

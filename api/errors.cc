@@ -9,85 +9,80 @@ namespace {
 using enum ErrorCode;
 
 constexpr std::array kTable = {
-    ErrorRow{kInvalidJson, "invalid_json", 400, "The body is not the JSON that was expected",
+    ErrorRow{kInvalidJson, 400, "The body is not the JSON that was expected",
              "The text is not JSON (RFC 8259), holds a number that double cannot hold, repeats a "
              "key, nests too deeply, or a value has the "
              "wrong kind. The detail names the place."},
-    ErrorRow{kInvalidArray, "invalid_array", 400,
-             "The body is not the .npy array that was expected",
+    ErrorRow{kInvalidArray, 400, "The body is not the .npy array that was expected",
              "The .npy header is damaged, the array has another type or shape than the query "
              "takes, or its size does not fit the bytes sent. "
              "Send <f4 or <f8 of shape (..., 6) or (..., 8) for rays and (..., 3) for points."},
-    ErrorRow{kInvalidParameter, "invalid_parameter", 400, "A parameter is unknown or out of range",
+    ErrorRow{kInvalidParameter, 400, "A parameter is unknown or out of range",
              "A query parameter or JSON field is unknown, given twice, or has a value that is not "
              "allowed. The detail names what there is."},
-    ErrorRow{kMalformedRequest, "malformed_request", 400, "The request is not proper HTTP",
+    ErrorRow{kMalformedRequest, 400, "The request is not proper HTTP",
              "The request line, a length, or the compressed stream is damaged, or a body came "
              "where none belongs."},
-    ErrorRow{kUnauthorized, "unauthorized", 401, "A valid token is needed",
+    ErrorRow{kUnauthorized, 401, "A valid token is needed",
              "This server wants 'Authorization: Bearer TOKEN' with a token that it knows."},
-    ErrorRow{kTreeNotFound, "tree_not_found", 404, "No tree has this id",
+    ErrorRow{kTreeNotFound, 404, "No tree has this id",
              "The id was never made here, or the tree was deleted. Upload the mesh again: the same "
              "bytes give the same id."},
-    ErrorRow{kMeshNotFound, "mesh_not_found", 404, "No mesh has this SHA-256",
+    ErrorRow{kMeshNotFound, 404, "No mesh has this SHA-256",
              "The server does not hold these mesh bytes. Upload them with POST /v1/trees."},
-    ErrorRow{kNotMeasured, "not_measured", 404, "Nothing has been measured for this tree",
+    ErrorRow{kNotMeasured, 404, "Nothing has been measured for this tree",
              "Start the measurement with POST on the same path."},
-    ErrorRow{kNotFound, "not_found", 404, "There is nothing at this path",
+    ErrorRow{kNotFound, 404, "There is nothing at this path",
              "GET /openapi.json lists the paths there are."},
-    ErrorRow{kMethodNotAllowed, "method_not_allowed", 405, "The path does not take this method",
+    ErrorRow{kMethodNotAllowed, 405, "The path does not take this method",
              "The Allow header lists the methods it takes."},
-    ErrorRow{kNotAcceptable, "not_acceptable", 406,
-             "The answer cannot have the type that Accept asks for",
+    ErrorRow{kNotAcceptable, 406, "The answer cannot have the type that Accept asks for",
              "Accept may name application/json or application/x-npy for queries."},
-    ErrorRow{kRequestTimeout, "request_timeout", 408, "The request took too long to arrive",
+    ErrorRow{kRequestTimeout, 408, "The request took too long to arrive",
              "The head or body of the request was not complete in time."},
     ErrorRow{
-        kTreeBuilding, "tree_building", 409, "The tree is still being built",
+        kTreeBuilding, 409, "The tree is still being built",
         "Ask again after Retry-After seconds, or give a longer deadline_ms and the query waits."},
-    ErrorRow{kLengthRequired, "length_required", 411, "The body needs a Content-Length",
+    ErrorRow{kLengthRequired, 411, "The body needs a Content-Length",
              "Chunked bodies are not taken. Send the length."},
-    ErrorRow{kMeshTooLarge, "mesh_too_large", 413, "The mesh is larger than this server takes",
+    ErrorRow{kMeshTooLarge, 413, "The mesh is larger than this server takes",
              "The limit counts bytes after Content-Encoding is undone. GET /v1 tells the limits."},
-    ErrorRow{kTooManyRays, "too_many_rays", 413, "The batch has more rows than this server takes",
+    ErrorRow{kTooManyRays, 413, "The batch has more rows than this server takes",
              "Split the batch: an answer row does not depend on its neighbours."},
-    ErrorRow{kTooManyHits, "too_many_hits", 413,
-             "More hits a ray were asked for than this server gives", "GET /v1 tells the limits."},
-    ErrorRow{kTooManyCells, "too_many_cells", 413, "The tree has too many cells at this depth",
-             "Ask for a smaller depth."},
-    ErrorRow{kImageTooLarge, "image_too_large", 413, "The image is larger than this server renders",
-             "Render regions of it: put together they equal the whole."},
-    ErrorRow{kBodyTooLarge, "body_too_large", 413, "The body is larger than this path takes",
+    ErrorRow{kTooManyHits, 413, "More hits a ray were asked for than this server gives",
              "GET /v1 tells the limits."},
-    ErrorRow{kUriTooLong, "uri_too_long", 414, "The request line is too long",
+    ErrorRow{kTooManyCells, 413, "The tree has too many cells at this depth",
+             "Ask for a smaller depth."},
+    ErrorRow{kImageTooLarge, 413, "The image is larger than this server renders",
+             "Render regions of it: put together they equal the whole."},
+    ErrorRow{kBodyTooLarge, 413, "The body is larger than this path takes",
+             "GET /v1 tells the limits."},
+    ErrorRow{kUriTooLong, 414, "The request line is too long",
              "Send the fields as a JSON object with POST."},
-    ErrorRow{kUnsupportedMeshFormat, "unsupported_mesh_format", 415,
-             "The bytes are of no mesh format that is read here",
+    ErrorRow{kUnsupportedMeshFormat, 415, "The bytes are of no mesh format that is read here",
              "The format is found from the bytes alone. GET /v1 lists the formats."},
     ErrorRow{
-        kUnsupportedMediaType, "unsupported_media_type", 415,
-        "The body's Content-Type is not taken here",
+        kUnsupportedMediaType, 415, "The body's Content-Type is not taken here",
         "Send application/json, application/x-npy, application/octet-stream, or no Content-Type."},
-    ErrorRow{kUnsupportedEncoding, "unsupported_encoding", 415,
-             "The body's Content-Encoding is not taken here", "Send the body as it is."},
-    ErrorRow{kInvalidMesh, "invalid_mesh", 422, "The mesh file breaks the rules of its format",
+    ErrorRow{kUnsupportedEncoding, 415, "The body's Content-Encoding is not taken here",
+             "Send the body as it is."},
+    ErrorRow{kInvalidMesh, 422, "The mesh file breaks the rules of its format",
              "The detail names the line or byte and the cause."},
-    ErrorRow{kEmptyMesh, "empty_mesh", 422, "The mesh has no triangle",
+    ErrorRow{kEmptyMesh, 422, "The mesh has no triangle",
              "The body is empty, or the file holds no face with three corners."},
-    ErrorRow{kHeadersTooLarge, "headers_too_large", 431, "The request's headers are too large",
+    ErrorRow{kHeadersTooLarge, 431, "The request's headers are too large",
              "Send fewer or shorter headers."},
-    ErrorRow{kInternal, "internal", 500, "The server made a mistake",
+    ErrorRow{kInternal, 500, "The server made a mistake",
              "Report it with the request_id; the log has the cause."},
-    ErrorRow{kOverloaded, "overloaded", 503, "The server has as much work as it can take",
+    ErrorRow{kOverloaded, 503, "The server has as much work as it can take",
              "Ask again after Retry-After seconds."},
-    ErrorRow{kDraining, "draining", 503, "The server is shutting down",
+    ErrorRow{kDraining, 503, "The server is shutting down",
              "Ask another one, or again after Retry-After seconds."},
-    ErrorRow{kMemoryFull, "memory_full", 503, "There is no memory for this now",
+    ErrorRow{kMemoryFull, 503, "There is no memory for this now",
              "Ask again after Retry-After seconds."},
-    ErrorRow{kDeadlineExceeded, "deadline_exceeded", 504,
-             "The answer was not ready within deadline_ms",
+    ErrorRow{kDeadlineExceeded, 504, "The answer was not ready within deadline_ms",
              "Ask for less, or give a longer deadline_ms."},
-    ErrorRow{kStoreFull, "store_full", 507, "The disk has no room for the mesh",
+    ErrorRow{kStoreFull, 507, "The disk has no room for the mesh",
              "Delete trees that are no longer needed, or have the store enlarged."},
 };
 
@@ -97,7 +92,7 @@ constexpr bool InEnumeratorOrder() {
   }
   return true;
 }
-static_assert(kTable.size() == static_cast<std::size_t>(kStoreFull) + 1 && InEnumeratorOrder());
+static_assert(kTable.size() == kErrorCodeNames.size() && InEnumeratorOrder());
 
 }  // namespace
 
@@ -111,7 +106,7 @@ const ErrorRow& RowOf(ErrorCode code) {
 
 std::optional<ErrorCode> ParseErrorCode(std::string_view name) {
   for (const ErrorRow& row : kTable) {
-    if (row.name == name) return row.code;
+    if (Name(row.code) == name) return row.code;
   }
   return std::nullopt;
 }

@@ -1,5 +1,6 @@
 // The table of errors of the HTTP contract: code, status, title, meaning. The server's answers, the
-// /problems/ pages, the documentation and the tests all use it.
+// /problems/ pages, the documentation and the tests all use it. The codes and their names are those
+// of the schema ProblemCode in api/openapi.yaml.
 #pragma once
 
 #include <cstdint>
@@ -8,52 +9,17 @@
 #include <string>
 #include <string_view>
 
-namespace kdray::api {
+#include "api/names.h"
 
-enum class ErrorCode : std::uint8_t {
-  kInvalidJson,
-  kInvalidArray,
-  kInvalidParameter,
-  kMalformedRequest,
-  kUnauthorized,
-  kTreeNotFound,
-  kMeshNotFound,
-  kNotMeasured,
-  kNotFound,
-  kMethodNotAllowed,
-  kNotAcceptable,
-  kRequestTimeout,
-  kTreeBuilding,
-  kLengthRequired,
-  kMeshTooLarge,
-  kTooManyRays,
-  kTooManyHits,
-  kTooManyCells,
-  kImageTooLarge,
-  kBodyTooLarge,
-  kUriTooLong,
-  kUnsupportedMeshFormat,
-  kUnsupportedMediaType,
-  kUnsupportedEncoding,
-  kInvalidMesh,
-  kEmptyMesh,
-  kHeadersTooLarge,
-  kInternal,
-  kOverloaded,
-  kDraining,
-  kMemoryFull,
-  kDeadlineExceeded,
-  kStoreFull,
-};
+namespace kdray::api {
 
 /// One row of the table.
 struct ErrorRow {
   ErrorCode code;
-  std::string_view name;   ///< the wire's `code`, e.g. "tree_not_found"
   int status;              ///< HTTP status
   std::string_view title;  ///< `title` of the problem document
-  std::string_view
-      meaning;  ///< a sentence or two for the /problems/<code> page: when it occurs and what to do
+  /// A sentence or two for the /problems/<code> page: when it occurs and what to do.
+  std::string_view meaning;
 };
 
 /// All rows, in the order of the enumerators.
@@ -65,8 +31,8 @@ std::optional<ErrorCode> ParseErrorCode(std::string_view name);
 struct Problem {
   ErrorCode code = ErrorCode::kInternal;
   std::string detail;  ///< says where the error is and what is allowed; nothing internal
-  std::optional<std::string> parameter =
-      {};                                  ///< name of a query parameter or header, or JSON pointer
+  /// Name of a query parameter or header, or JSON pointer.
+  std::optional<std::string> parameter = {};
   std::optional<double> limit = {};        ///< the bound that `actual` violates
   std::optional<double> actual = {};       ///< the value of the request
   std::optional<std::uint64_t> line = {};  ///< 1-based line of a text mesh or JSON body

@@ -16,6 +16,16 @@ std::string FormatTreeId(std::string_view sha256, Build build) {
   return std::string(sha256) + '-' + std::string(Name(build));
 }
 
+namespace {
+
+std::optional<Build> ParseBuild(std::string_view name) {
+  const auto found = std::find(kBuildNames.begin(), kBuildNames.end(), name);
+  if (found == kBuildNames.end()) return std::nullopt;
+  return static_cast<Build>(found - kBuildNames.begin());
+}
+
+}  // namespace
+
 std::optional<TreeId> ParseTreeId(std::string_view text) {
   const std::string_view sha256 = text.substr(0, 64);
   if (!IsSha256(sha256) || text.size() < 65 || text[64] != '-') return std::nullopt;

@@ -1,5 +1,6 @@
 // The types of the HTTP contract as plain structs: requests and answers. Defaults are defined only
-// here; names and ranges in the tables of fields (api/request_fields.h). No JSON, no HTTP, no
+// here; names and ranges of fields in the tables of fields (api/request_fields.h); enumerations in
+// api/names.h, which the build makes from the lists in api/openapi.yaml. No JSON, no HTTP, no
 // geometry.
 #pragma once
 
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "api/errors.h"
+#include "api/names.h"
 
 namespace kdray::api {
 
@@ -39,10 +41,6 @@ class [[nodiscard]] Outcome {
 };
 /// For steps that only succeed or fail.
 using Check = std::optional<Problem>;
-
-enum class Build : std::uint8_t { kAuto, kKdSah, kKdBinned, kKdCyclic, kKdMedian, kBvh, kBox };
-enum class Precision : std::uint8_t { kAuto, kFast, kWatertight, kDouble, kExact };
-enum class NumberType : std::uint8_t { kF4, kF8 };  ///< wire names f4, f8
 
 using Vec3 = std::array<double, 3>;
 struct Box {
@@ -76,8 +74,6 @@ struct RayTable {
     return sent_as.value_or(rows.index() == 0 ? NumberType::kF4 : NumberType::kF8);
   }
 };
-
-enum class RayField : std::uint8_t { kT, kTriangle, kU, kV, kNormal, kPoint };
 
 /// Query parameters of a batch of ray queries.
 struct RayOptions {
@@ -233,8 +229,6 @@ struct Tradeoff {
 
 // ---- Renders ----
 
-enum class Projection : std::uint8_t { kPerspective, kOrthographic };
-enum class RenderMode : std::uint8_t { kShaded, kNormal, kDepth, kTriangle };
 enum class ImageForm : std::uint8_t { kPng, kNpy };  ///< render.png, render.npy
 struct Region {
   std::int64_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;  ///< half-open pixels of the whole image
@@ -276,15 +270,11 @@ struct ImageArray {
   std::variant<std::vector<float>, std::vector<std::int32_t>> values;
 };
 
-/// Why sampling ended: all samples were taken (`done`), every pixel is below max_noise (`noise`),
-/// or the time of budget_ms has passed (`budget`).
-enum class Stopped : std::uint8_t { kDone, kNoise, kBudget };
-
 struct RenderAnswer {
   Precision precision = Precision::kAuto;
-  double samples = 1;           ///< per pixel, on average
-  std::optional<double> noise;  ///< largest standard error of a pixel, if estimated
-  Stopped stopped = Stopped::kDone;
+  double samples = 1;                ///< per pixel, on average
+  std::optional<double> noise;       ///< largest standard error of a pixel, if estimated
+  Stopped stopped = Stopped::kDone;  ///< why sampling ended
   std::variant<std::vector<std::byte>, ImageArray> image;  ///< PNG bytes, or the array for .npy
   double trace_ms = 0, encode_ms = 0;
 };

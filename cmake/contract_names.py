@@ -3,7 +3,7 @@
 
     contract_names.py enums|help INPUT.yaml OUTPUT.h NAMESPACE ENUM=POINTER...
 
-POINTER is the JSON pointer of a schema with `enum`. `enums` makes an enumeration of each, with its names on the wire;
+POINTER leads to a schema with `enum` as a JSON pointer does, but to an element of a list by its `name`. `enums` makes an enumeration of each, with its names on the wire;
 `help` makes the text that offers them to the user of a command.
 """
 import re
@@ -16,7 +16,10 @@ import yaml
 def look_up(document, pointer):
     for step in pointer.strip("/").split("/"):
         step = step.replace("~1", "/").replace("~0", "~")
-        document = document[int(step) if isinstance(document, list) else step]
+        if isinstance(document, list):
+            document = next(element for element in document if element.get("name") == step)
+        else:
+            document = document[step]
     return document
 
 

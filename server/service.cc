@@ -49,7 +49,7 @@ HttpResponse ProblemAnswer(const Problem& problem, const std::string& request_id
   const api::ErrorRow& row = api::RowOf(problem.code);
   HttpResponse response;
   response.status = row.status;
-  response.error_code = row.name;
+  response.error_code = api::Name(row.code);
   response.body = api::EncodeProblem(problem, request_id);
   response.headers.Add("Content-Type", api::kProblemContentType);
   response.headers.Add("Cache-Control", "no-store");

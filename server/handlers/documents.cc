@@ -107,7 +107,7 @@ api::Outcome<HttpResponse> GetProblemPage(const Services& services, Call& call) 
   }
   const api::ErrorRow& row = api::RowOf(*code);
   const std::string body = "<h1>" + EscapeHtml(row.title) + "</h1>\n<p><code>" +
-                           EscapeHtml(row.name) + "</code>, HTTP status " +
+                           EscapeHtml(api::Name(row.code)) + "</code>, HTTP status " +
                            std::to_string(row.status) + "</p>\n<p>" + EscapeHtml(row.meaning) +
                            "</p>\n<p><a href=\"/docs#problems\">All problems</a></p>\n";
   return HtmlAnswer(services, TextPage(row.title, body), kTextPagePolicy);

@@ -118,17 +118,21 @@ class ContractPage {
 
   std::string ParameterRow(const Json& parameter_or_reference) const {
     const Json& parameter = Resolve(parameter_or_reference);
-    const std::string kind = parameter.contains("schema") ? Kind(parameter.at("schema")) : "";
+    std::string kind;
+    std::string meaning = Text(parameter, "description");
+    if (parameter.contains("schema")) {
+      kind = Kind(parameter.at("schema"));
+      meaning += " " + Text(Resolve(parameter.at("schema")), "description");
+    }
     return Row({"<code>" + EscapeHtml(Text(parameter, "name")) + "</code>",
-                EscapeHtml(Text(parameter, "in")), EscapeHtml(kind),
-                EscapeHtml(Text(parameter, "description"))});
+                EscapeHtml(Text(parameter, "in")), EscapeHtml(kind), EscapeHtml(meaning)});
   }
 
   void AddProblems() {
     out_ += "<h2 id=\"problems\">Problems</h2>\n";
     std::string rows;
     for (const api::ErrorRow& row : api::ErrorTable()) {
-      const std::string name = EscapeHtml(row.name);
+      const std::string name = EscapeHtml(api::Name(row.code));
       rows += Row({std::to_string(row.status),
                    "<a href=\"/problems/" + name + "\"><code>" + name + "</code></a>",
                    EscapeHtml(row.title), EscapeHtml(row.meaning)});

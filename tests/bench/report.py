@@ -19,11 +19,14 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
+import yaml  # noqa: E402
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-PRECISIONS = ["fast", "watertight", "double", "exact"]
+with open(os.path.join(ROOT, "api", "openapi.yaml"), encoding="utf-8") as contract:
+    SCHEMAS = yaml.safe_load(contract)["components"]["schemas"]
+PRECISIONS = SCHEMAS["Precision"]["enum"][1:]  # all but auto
 LARGE = 10000  # triangles of a mesh on which builds are compared
-BUILDS = ["kd-sah", "kd-binned", "kd-cyclic", "kd-median", "bvh", "box"]
+BUILDS = SCHEMAS["Build"]["enum"][1:]
 COLORS = dict(zip(PRECISIONS, ["#d1495b", "#00798c", "#edae49", "#30638e"]))
 BUILD_COLORS = dict(zip(BUILDS, ["#00798c", "#30638e", "#edae49", "#d1495b", "#6a4c93", "#8d99ae"]))
 

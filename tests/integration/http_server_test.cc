@@ -85,8 +85,8 @@ class EchoHandler final : public HttpHandler {
   HttpResponse Refuse(const HttpRequest&, const api::Problem& problem) override {
     HttpResponse response;
     response.status = api::RowOf(problem.code).status;
-    response.error_code = api::RowOf(problem.code).name;
-    response.body = std::string(api::RowOf(problem.code).name);
+    response.error_code = api::Name(problem.code);
+    response.body = std::string(api::Name(problem.code));
     return response;
   }
   void Answered(const HttpRecord& record) noexcept override {

@@ -356,9 +356,9 @@ TEST_F(ServiceOverHttp, ServesTheViewerWithAllItsFiles) {
 
 TEST_F(ServiceOverHttp, HasAPageForEveryProblem) {
   for (const api::ErrorRow& row : api::ErrorTable()) {
-    const RawAnswer page = running_.Ask("GET", "/problems/" + std::string(row.name));
-    EXPECT_EQ(page.status, 200) << row.name;
-    EXPECT_THAT(page.body, HasSubstr(row.name));
+    const RawAnswer page = running_.Ask("GET", "/problems/" + std::string(api::Name(row.code)));
+    EXPECT_EQ(page.status, 200) << api::Name(row.code);
+    EXPECT_THAT(page.body, HasSubstr(api::Name(row.code)));
   }
   EXPECT_EQ(running_.Code("GET", "/problems/none"), "not_found");
 }

@@ -4,6 +4,7 @@
 #include "clients/cpp/client/error.h"
 #include "clients/cpp/client/npy.h"
 #include "clients/cpp/command/answer_text.h"
+#include "clients/cpp/command/contract_help.h"
 #include "clients/cpp/command/output_file.h"
 #include "clients/cpp/command/subcommands.h"
 #include "clients/cpp/command/text.h"
@@ -80,7 +81,7 @@ void AddRays(CLI::App& app, Session& session) {
       ->type_name("FILE");
   command->add_flag("--any", options->any, "Only whether something is hit, which is quicker");
   constexpr std::array kHelp = {
-      "auto, fast, watertight, double or exact: auto when left out",
+      kPrecisionHelp,
       "t, triangle, u, v, normal or point of a hit, comma-separated: t,triangle,u,v when left out",
       "Nearest t that counts: 0 when left out",
       "Farthest t that counts",

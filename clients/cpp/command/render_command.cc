@@ -2,6 +2,7 @@
 
 #include "clients/cpp/client/error.h"
 #include "clients/cpp/command/answer_text.h"
+#include "clients/cpp/command/contract_help.h"
 #include "clients/cpp/command/output_file.h"
 #include "clients/cpp/command/subcommands.h"
 #include "clients/cpp/command/text.h"
@@ -20,8 +21,8 @@ struct Field {
 constexpr std::array kFields = {
     Field{"width", "PIXELS", "640 when left out"},
     Field{"height", "PIXELS", "480 when left out"},
-    Field{"mode", "NAME", "shaded, normal, depth or triangle: shaded when left out"},
-    Field{"projection", "NAME", "perspective or orthographic: perspective when left out"},
+    Field{"mode", "NAME", kRenderModeHelp},
+    Field{"projection", "NAME", kProjectionHelp},
     Field{"eye", "X,Y,Z", "Where the camera stands; chosen to frame the mesh when left out"},
     Field{"target", "X,Y,Z", "What it looks at"},
     Field{"up", "X,Y,Z",
@@ -30,7 +31,7 @@ constexpr std::array kFields = {
     Field{"view_height", "LENGTH",
           "Orthographic: height of the picture in mesh units; frames the mesh when left out"},
     Field{"samples", "N", "Rays a pixel: 1 when left out"},
-    Field{"precision", "NAME", "auto, fast, watertight, double or exact: auto when left out"},
+    Field{"precision", "NAME", kPrecisionHelp},
     Field{"color", "R,G,B", "Of the surface, sRGB in 0..1: 0.93,0.88,0.81 when left out"},
     Field{"background", "R,G,B",
           "sRGB in 0..1, or transparent; white when left out, black unless shaded"},

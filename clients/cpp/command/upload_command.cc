@@ -1,5 +1,6 @@
 #include <ostream>
 
+#include "clients/cpp/command/contract_help.h"
 #include "clients/cpp/command/subcommands.h"
 
 namespace kdray::client {
@@ -16,11 +17,7 @@ void AddUpload(CLI::App& app, Session& session) {
   command->add_option("file", options->file, "Mesh: OBJ, PLY, STL, OFF")
       ->required()
       ->type_name("FILE");
-  command
-      ->add_option("--build", options->build,
-                   "auto, kd-sah, kd-binned, kd-cyclic, kd-median, bvh or box")
-      ->type_name("NAME")
-      ->capture_default_str();
+  command->add_option("--build", options->build, kBuildHelp)->type_name("NAME");
   command->add_flag("--json", options->json, "Print the tree's whole description");
   command->callback([options, &session] {
     Client client = session.Connect();

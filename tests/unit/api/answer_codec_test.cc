@@ -41,10 +41,10 @@ TEST(Problems, AreAlwaysValidJson) {
 TEST(Problems, AreEncodedForEveryCode) {
   for (const ErrorRow& row : ErrorTable()) {
     const json parsed = json::parse(EncodeProblem({row.code, "x"}, ""));
-    EXPECT_EQ(parsed["code"], row.name);
+    EXPECT_EQ(parsed["code"], Name(row.code));
     EXPECT_EQ(parsed["status"], row.status);
-    EXPECT_EQ(parsed["type"], "/problems/" + std::string(row.name));
-    EXPECT_EQ(ParseErrorCode(row.name), row.code);
+    EXPECT_EQ(parsed["type"], "/problems/" + std::string(Name(row.code)));
+    EXPECT_EQ(ParseErrorCode(Name(row.code)), row.code);
     EXPECT_GE(row.status, 400);
     EXPECT_LT(row.status, 600);
     EXPECT_FALSE(row.title.empty() || row.meaning.empty());

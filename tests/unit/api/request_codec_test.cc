@@ -490,7 +490,7 @@ TEST(RenderRequests, BoundTheImageThatIsRendered) {
   limits.max_image_side = 100;
   const auto code = [&](std::string_view query) {
     const auto request = DecodeRenderQuery(query, ImageForm::kPng, limits);
-    return request ? "ok" : std::string(RowOf(request.problem().code).name);
+    return request ? "ok" : std::string(Name(request.problem().code));
   };
   EXPECT_EQ(code("width=100&height=10"), "ok");
   EXPECT_EQ(code("width=101&height=1"), "image_too_large");

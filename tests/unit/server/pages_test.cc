@@ -41,7 +41,7 @@ TEST(ContractPage, ShowsEveryOperationWithItsParametersAndAnswers) {
 TEST(ContractPage, ListsEveryProblem) {
   const std::string page = MakeContractPage(R"({"info": {}, "paths": {}})");
   for (const api::ErrorRow& row : api::ErrorTable()) {
-    EXPECT_THAT(page, HasSubstr("/problems/" + std::string(row.name)));
+    EXPECT_THAT(page, HasSubstr("/problems/" + std::string(api::Name(row.code))));
     EXPECT_THAT(page, HasSubstr(EscapeHtml(row.meaning)));
   }
 }
