@@ -1,6 +1,6 @@
-// The table of errors of the HTTP contract: code, status, title, meaning. The server's answers, the
-// /problems/ pages, the documentation and the tests all use it. The codes and their names are those
-// of the schema ProblemCode in api/openapi.yaml.
+// The table of errors of the HTTP contract: code, status, title, meaning, Retry-After. The server's
+// answers, the /problems/ pages, the documentation and the tests all use it. The codes and their
+// names are those of the schema ProblemCode in api/openapi.yaml.
 #pragma once
 
 #include <cstdint>
@@ -20,6 +20,7 @@ struct ErrorRow {
   std::string_view title;  ///< `title` of the problem document
   /// A sentence or two for the /problems/<code> page: when it occurs and what to do.
   std::string_view meaning;
+  int retry_after_s = 0;  ///< the Retry-After header; 0: none
 };
 
 /// All rows, in the order of the enumerators.
@@ -36,7 +37,6 @@ struct Problem {
   std::optional<double> limit = {};        ///< the bound that `actual` violates
   std::optional<double> actual = {};       ///< the value of the request
   std::optional<std::uint64_t> line = {};  ///< 1-based line of a text mesh or JSON body
-  std::optional<int> retry_after_s = {};   ///< Retry-After, with 409 and 503
 };
 
 }  // namespace kdray::api

@@ -11,7 +11,6 @@ using api::ErrorCode;
 using api::Problem;
 using Clock = std::chrono::steady_clock;
 
-constexpr int kRetryAfterSeconds = 1;
 /// A client's departure sets a flag and wakes nobody here; waiters look at it this often.
 constexpr std::chrono::milliseconds kLook{50};
 
@@ -32,8 +31,7 @@ api::Outcome<Admission::Turn> Admission::Enter(const core::CancelToken& cancel) 
     if (queue_.size() >= max_queued_) {
       return Problem{.code = ErrorCode::kOverloaded,
                      .detail = "there is as much work running and waiting as this server takes",
-                     .limit = static_cast<double>(max_running_ + max_queued_),
-                     .retry_after_s = kRetryAfterSeconds};
+                     .limit = static_cast<double>(max_running_ + max_queued_)};
     }
     const auto place = queue_.emplace(queue_.end());
     while (running_ >= max_running_ || place != queue_.begin()) {

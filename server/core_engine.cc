@@ -23,9 +23,6 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-// When to ask again for a tree that is being built.
-constexpr int kRetryBuildingSeconds = 1;
-
 double MillisecondsSince(SteadyClock::time_point start) {
   return std::chrono::duration<double, std::milli>(SteadyClock::now() - start).count();
 }
@@ -331,7 +328,6 @@ class RealEngine final : public CoreEngine {
       if (info.ok() && !info->ready()) {
         problem.code = api::ErrorCode::kTreeBuilding;
         problem.detail = "the tree was not built in time";
-        problem.retry_after_s = kRetryBuildingSeconds;
       }
     }
     return problem;

@@ -13,10 +13,6 @@
 namespace kdray::server {
 namespace {
 
-// When to ask again for memory: a build of the size that fills it takes some seconds.
-constexpr int kRetryMemorySeconds = 5;
-constexpr int kRetryDrainingSeconds = 5;
-
 // The contract promises no image that core refuses.
 static_assert(api::kMaxWholeSide == core::RenderSpec::kMaxWholeSide);
 static_assert(api::Limits{}.max_image_side == core::RenderSpec::kMaxSide);
@@ -126,12 +122,8 @@ api::Problem ToProblem(const core::Error& error, api::ErrorCode not_found) {
               ? "the stored mesh is damaged or cannot be read; uploading it again repairs it"
               : "the server made a mistake or its disk failed";
       break;
-    case api::ErrorCode::kMemoryFull:
-      problem.retry_after_s = kRetryMemorySeconds;
-      break;
     case api::ErrorCode::kDraining:
       problem.detail = "the server is shutting down";
-      problem.retry_after_s = kRetryDrainingSeconds;
       break;
     default:
       break;

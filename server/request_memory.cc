@@ -4,13 +4,8 @@
 #include <iterator>
 
 namespace kdray::server {
-namespace {
 
 using api::Problem;
-
-constexpr int kRetryAfterSeconds = 1;
-
-}  // namespace
 
 // `text_mutex` is taken after the budget's mutex or alone.
 struct RequestMemory::Body::Held {
@@ -40,8 +35,7 @@ Problem RequestMemory::FullLocked(std::uint64_t bytes) const {
   return Problem{.code = api::ErrorCode::kMemoryFull,
                  .detail = "the requests under way hold the memory that this one needs",
                  .limit = static_cast<double>(limit_),
-                 .actual = static_cast<double>(used_) + static_cast<double>(bytes),
-                 .retry_after_s = kRetryAfterSeconds};
+                 .actual = static_cast<double>(used_) + static_cast<double>(bytes)};
 }
 
 void RequestMemory::Return(std::uint64_t bytes) {

@@ -13,8 +13,6 @@ namespace {
 using api::ErrorCode;
 using api::Problem;
 
-constexpr int kDrainingRetryAfterSeconds = 2;
-
 /// What a client may choose is short and cannot be mistaken for anything else in a log.
 bool IsRequestId(std::string_view text) {
   return !text.empty() && text.size() <= 64 && std::all_of(text.begin(), text.end(), [](char c) {
@@ -53,8 +51,8 @@ HttpResponse ProblemAnswer(const Problem& problem, const std::string& request_id
   response.body = api::EncodeProblem(problem, request_id);
   response.headers.Add("Content-Type", api::kProblemContentType);
   response.headers.Add("Cache-Control", "no-store");
-  if (problem.retry_after_s) {
-    response.headers.Add("Retry-After", std::to_string(*problem.retry_after_s));
+  if (row.retry_after_s != 0) {
+    response.headers.Add("Retry-After", std::to_string(row.retry_after_s));
   }
   if (problem.code == ErrorCode::kUnauthorized) {
     response.headers.Add("WWW-Authenticate", "Bearer");
@@ -120,9 +118,7 @@ api::Outcome<HttpResponse> Service::Answer(const HttpRequest& request, const Rou
                    .detail = "this path takes " + Allow(*match.route)};
   }
   if (!open && draining_) {
-    return Problem{.code = ErrorCode::kDraining,
-                   .detail = "this server is shutting down",
-                   .retry_after_s = kDrainingRetryAfterSeconds};
+    return Problem{.code = ErrorCode::kDraining, .detail = "this server is shutting down"};
   }
   if (auto problem = CheckContentEncoding(request)) return *std::move(problem);
   Call call{.request = request, .name = match.name, .timing = {}};

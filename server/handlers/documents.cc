@@ -19,8 +19,6 @@ namespace {
 using api::ErrorCode;
 using api::Problem;
 
-constexpr int kReadyRetryAfterSeconds = 2;
-
 /// Pages of ours that hold text and style only.
 constexpr std::string_view kTextPagePolicy =
     "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
@@ -63,14 +61,11 @@ api::Outcome<HttpResponse> GetHealth(const Services& services, Call& call) {
 api::Outcome<HttpResponse> GetReadiness(const Services& services, Call& call) {
   if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
   if (services.draining) {
-    return Problem{.code = ErrorCode::kDraining,
-                   .detail = "this server is shutting down",
-                   .retry_after_s = kReadyRetryAfterSeconds};
+    return Problem{.code = ErrorCode::kDraining, .detail = "this server is shutting down"};
   }
   if (!services.engine.IsReady()) {
     return Problem{.code = ErrorCode::kOverloaded,
-                   .detail = "this server is still reading in what it stores",
-                   .retry_after_s = kReadyRetryAfterSeconds};
+                   .detail = "this server is still reading in what it stores"};
   }
   HttpResponse response = JsonAnswer(200, R"({"status":"ready"})");
   SetCaching(response, services, Caching::kNever);

@@ -12,8 +12,6 @@ namespace {
 using api::ErrorCode;
 using api::Problem;
 
-constexpr int kBuildingRetryAfterSeconds = 1;
-
 }  // namespace
 
 api::Check CheckTree(const Services& services, std::string_view id) {
@@ -52,8 +50,7 @@ api::Outcome<Work> BeginWork(const Services& services, Call& call, const TimeLim
     return limit.Explain({.code = ErrorCode::kTreeBuilding,
                           .detail = "the tree was not built in time, " +
                                     std::to_string(static_cast<int>(tree->progress * 100)) +
-                                    " percent of the work is done",
-                          .retry_after_s = kBuildingRetryAfterSeconds});
+                                    " percent of the work is done"});
   }
   auto turn = services.admission.Enter(cancel);
   if (!turn) return limit.Explain(std::move(turn).problem());

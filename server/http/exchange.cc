@@ -48,8 +48,7 @@ void Exchange::Answer(HttpHandler& handler) {
     response_ = refusal_ ? handler.Refuse(request_, *refusal_) : handler.Handle(request_);
   } catch (const std::bad_alloc&) {
     response_ = handler.Refuse(request_, Problem{.code = ErrorCode::kMemoryFull,
-                                                 .detail = "there was no memory for this request",
-                                                 .retry_after_s = 1});
+                                                 .detail = "there was no memory for this request"});
   } catch (const std::exception& error) {
     response_ = handler.Refuse(request_, InternalProblem());
     response_.cause = error.what();

@@ -249,8 +249,7 @@ class HttpServer::Impl final : public httplib::Server {
       exchange.Refuse({{},
                        Problem{.code = ErrorCode::kOverloaded,
                                .detail = "there are as many connections as this server takes",
-                               .limit = static_cast<double>(options_.max_connections),
-                               .retry_after_s = 1}});
+                               .limit = static_cast<double>(options_.max_connections)}});
     } else {
       if (connection.WaitForByte(Clock::now() + wait) != Connection::Read::kDone ||
           !slot.BecomeBusy() || !ReadHead(connection, exchange)) {

@@ -23,7 +23,6 @@ TEST(Problems, CarryWhatHelpsAsPlainNumbers) {
   problem.limit = 4000000;
   problem.actual = 4000000.5;
   problem.line = 17;
-  problem.retry_after_s = 3;
   const std::string text = EncodeProblem(problem, "r");
   EXPECT_THAT(text, testing::HasSubstr(
                         R"("parameter":"/rays","limit":4000000,"actual":4000000.5,"line":17})"));

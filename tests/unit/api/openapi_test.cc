@@ -115,6 +115,15 @@ TEST(OpenApi, SaysWhereEachProblemComesWithItsStatus) {
   }
 }
 
+TEST(OpenApi, NamesTheProblemsThatSayWhenToAskAgain) {
+  const std::string text = Document()["components"]["headers"]["Retry-After"]["description"];
+  for (const ErrorRow& row : ErrorTable()) {
+    const bool named = text.find(Name(row.code)) != std::string::npos;
+    EXPECT_EQ(named, row.retry_after_s > 0) << Name(row.code);
+    EXPECT_TRUE(row.status != 503 || named) << Name(row.code);
+  }
+}
+
 // ---- Fields ----
 
 void ExpectRange(const json& schema, const char* closed, const char* open_key, double limit,
