@@ -38,7 +38,7 @@ Json MeshJson(const TreeDescription& tree) {
   const MeshDescription& mesh = tree.mesh;
   if (!tree.mesh_known) return {{"sha256", mesh.sha256}, {"bytes", mesh.bytes}};
   return {{"sha256", mesh.sha256},
-          {"format", mesh.format},
+          {"format", Name(mesh.format)},
           {"bytes", mesh.bytes},
           {"triangles", mesh.triangles},
           {"dropped", mesh.dropped},

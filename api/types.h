@@ -120,7 +120,7 @@ struct MeshHealth {
 
 struct MeshDescription {
   std::string sha256;  ///< 64 lower-case hexadecimal digits
-  std::string format;  ///< "obj", "ply", "stl", "off"
+  MeshFormat format = MeshFormat::kObj;
   std::uint64_t bytes = 0, triangles = 0, dropped = 0, vertices = 0;
   Box bounds;
   MeshHealth health;

@@ -1,5 +1,6 @@
 #include "server/mapping.h"
 
+#include <array>
 #include <charconv>
 #include <chrono>
 #include <cstdio>
@@ -8,6 +9,8 @@
 #include <utility>
 
 #include "api/limits.h"
+#include "api/names.h"
+#include "core/base/enumerators.h"
 #include "server/plan.h"
 
 namespace kdray::server {
@@ -18,12 +21,74 @@ static_assert(api::kMaxWholeSide == core::RenderSpec::kMaxWholeSide);
 static_assert(api::Limits{}.max_image_side == core::RenderSpec::kMaxSide);
 static_assert(api::Limits{}.max_samples <= core::RenderSpec::kMaxSamples);
 
+/// The pairs of an enumeration of the contract and one of core, by their names. The contract's may
+/// have `auto` besides, which has no partner; anything else without one is an error of the build.
+template <class Api, class Core, std::size_t kApiNames>
+class NamedPairs {
+ public:
+  consteval explicit NamedPairs(const std::array<std::string_view, kApiNames>& api_names) {
+    for (std::size_t i = 0; i < kApiNames; ++i) {
+      for (const Core core : core::kAll<Core>) {
+        if (core::Name(core) != api_names[i]) continue;
+        to_core_[i] = core;
+        to_api_[static_cast<std::size_t>(core)] = static_cast<Api>(i);
+      }
+      if (!to_core_[i] && api_names[i] != "auto") throw "core has nothing of this name";
+    }
+    for (const std::optional<Api>& api : to_api_) {
+      if (!api) throw "the contract has no such name";
+    }
+  }
+
+  constexpr std::optional<Core> ToCore(Api api) const {
+    return to_core_[static_cast<std::size_t>(api)];
+  }
+  constexpr Api ToApi(Core core) const { return *to_api_[static_cast<std::size_t>(core)]; }
+
+ private:
+  std::array<std::optional<Core>, kApiNames> to_core_{};
+  std::array<std::optional<Api>, core::kAll<Core>.size()> to_api_{};
+};
+
+template <class Api, class Core, std::size_t kApiNames>
+consteval auto PairByName(const std::array<std::string_view, kApiNames>& api_names) {
+  return NamedPairs<Api, Core, kApiNames>(api_names);
+}
+
+constexpr auto kBuilds = PairByName<api::Build, core::BuildKind>(api::kBuildNames);
+constexpr auto kPrecisions = PairByName<api::Precision, core::Precision>(api::kPrecisionNames);
+constexpr auto kFormats = PairByName<api::MeshFormat, core::MeshFormat>(api::kMeshFormatNames);
+
 api::Vec3 ToVec(const core::Vec3d& v) { return {v.x, v.y, v.z}; }
 core::Vec3d ToVec(const api::Vec3& v) { return {v[0], v[1], v[2]}; }
 api::Box ToBox(const core::Bounds3d& b) { return {ToVec(b.min), ToVec(b.max)}; }
 
 core::Rgb ToRgb(const api::Vec3& c) {
   return {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
+}
+
+core::Projection ToCore(api::Projection projection) {
+  switch (projection) {
+    case api::Projection::kPerspective:
+      return core::Projection::kPerspective;
+    case api::Projection::kOrthographic:
+      break;
+  }
+  return core::Projection::kOrthographic;
+}
+
+core::RenderMode ToCore(api::RenderMode mode) {
+  switch (mode) {
+    case api::RenderMode::kShaded:
+      return core::RenderMode::kShaded;
+    case api::RenderMode::kNormal:
+      return core::RenderMode::kNormal;
+    case api::RenderMode::kDepth:
+      return core::RenderMode::kDepth;
+    case api::RenderMode::kTriangle:
+      break;
+  }
+  return core::RenderMode::kTriangle;
 }
 
 api::ErrorCode CodeOf(core::ErrorCode code, api::ErrorCode not_found) {
@@ -64,7 +129,7 @@ api::MeshDescription DescribeMesh(const core::Sha256Digest& digest, std::uint64_
   mesh.sha256 = digest.ToHex();
   mesh.bytes = bytes;
   if (facts == nullptr) return mesh;
-  mesh.format = core::Name(facts->format);
+  mesh.format = kFormats.ToApi(facts->format);
   mesh.triangles = facts->triangles;
   mesh.dropped = facts->dropped;
   mesh.vertices = facts->vertices;
@@ -131,73 +196,13 @@ api::Problem ToProblem(const core::Error& error, api::ErrorCode not_found) {
   return problem;
 }
 
-std::optional<core::BuildKind> ToCore(api::Build build) {
-  switch (build) {
-    case api::Build::kAuto:
-      return std::nullopt;
-    case api::Build::kKdSah:
-      return core::BuildKind::kKdSah;
-    case api::Build::kKdBinned:
-      return core::BuildKind::kKdBinned;
-    case api::Build::kKdCyclic:
-      return core::BuildKind::kKdCyclic;
-    case api::Build::kKdMedian:
-      return core::BuildKind::kKdMedian;
-    case api::Build::kBvh:
-      return core::BuildKind::kBvh;
-    case api::Build::kBox:
-      return core::BuildKind::kBox;
-  }
-  return std::nullopt;
-}
-
-api::Build ToApi(core::BuildKind build) {
-  switch (build) {
-    case core::BuildKind::kKdSah:
-      return api::Build::kKdSah;
-    case core::BuildKind::kKdBinned:
-      return api::Build::kKdBinned;
-    case core::BuildKind::kKdCyclic:
-      return api::Build::kKdCyclic;
-    case core::BuildKind::kKdMedian:
-      return api::Build::kKdMedian;
-    case core::BuildKind::kBvh:
-      return api::Build::kBvh;
-    case core::BuildKind::kBox:
-      break;
-  }
-  return api::Build::kBox;
-}
+std::optional<core::BuildKind> ToCore(api::Build build) { return kBuilds.ToCore(build); }
+api::Build ToApi(core::BuildKind build) { return kBuilds.ToApi(build); }
 
 core::Precision ToCore(api::Precision precision, core::Precision automatic) {
-  switch (precision) {
-    case api::Precision::kAuto:
-      return automatic;
-    case api::Precision::kFast:
-      return core::Precision::kFast;
-    case api::Precision::kWatertight:
-      return core::Precision::kWatertight;
-    case api::Precision::kDouble:
-      return core::Precision::kDouble;
-    case api::Precision::kExact:
-      break;
-  }
-  return core::Precision::kExact;
+  return kPrecisions.ToCore(precision).value_or(automatic);
 }
-
-api::Precision ToApi(core::Precision precision) {
-  switch (precision) {
-    case core::Precision::kFast:
-      return api::Precision::kFast;
-    case core::Precision::kWatertight:
-      return api::Precision::kWatertight;
-    case core::Precision::kDouble:
-      return api::Precision::kDouble;
-    case core::Precision::kExact:
-      break;
-  }
-  return api::Precision::kExact;
-}
+api::Precision ToApi(core::Precision precision) { return kPrecisions.ToApi(precision); }
 
 api::Outcome<core::TreeId> ToTreeId(std::string_view id) {
   if (const std::optional<core::TreeId> parsed = core::ParseTreeId(id)) return *parsed;
@@ -250,9 +255,7 @@ core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision preci
   core::RenderSpec spec;
   spec.width = static_cast<int>(request.width);
   spec.height = static_cast<int>(request.height);
-  spec.camera.projection = request.projection == api::Projection::kOrthographic
-                               ? core::Projection::kOrthographic
-                               : core::Projection::kPerspective;
+  spec.camera.projection = ToCore(request.projection);
   if (request.eye) spec.camera.eye = ToVec(*request.eye);
   if (request.target) spec.camera.target = ToVec(*request.target);
   if (request.up) spec.camera.up = ToVec(*request.up);
@@ -260,20 +263,7 @@ core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision preci
     spec.camera.fov_deg = request.fov_deg;
   }
   spec.camera.view_height = request.view_height;
-  switch (request.mode) {
-    case api::RenderMode::kShaded:
-      spec.mode = core::RenderMode::kShaded;
-      break;
-    case api::RenderMode::kNormal:
-      spec.mode = core::RenderMode::kNormal;
-      break;
-    case api::RenderMode::kDepth:
-      spec.mode = core::RenderMode::kDepth;
-      break;
-    case api::RenderMode::kTriangle:
-      spec.mode = core::RenderMode::kTriangle;
-      break;
-  }
+  spec.mode = ToCore(request.mode);
   spec.samples = static_cast<int>(request.samples);
   spec.precision = precision;
   spec.color = ToRgb(request.color);

@@ -64,7 +64,7 @@ TEST(Descriptions, SayWhatIsKnownSoFar) {
   EXPECT_FALSE(parsed.contains("plan"));
 
   tree.mesh_known = true;
-  tree.mesh.format = "ply";
+  tree.mesh.format = MeshFormat::kPly;
   tree.mesh.bounds = {{-1, -2, -3}, {0.1, 2, 3}};
   tree.mesh.health.closed = true;
   parsed = json::parse(EncodeDescription(tree));

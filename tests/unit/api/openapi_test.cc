@@ -323,8 +323,14 @@ TEST(Examples, OfDescriptionsAreWhatIsWritten) {
   tree.ready = true;
   tree.progress = 1;
   tree.created_at = ready["created_at"];
-  tree.mesh = {
-      mesh["sha256"], "obj", 42, 2, 0, 4, {{0, 0, 0}, {1, 1, 0}}, {0, 0, 0, 4, 0, false, 0x1p-52}};
+  tree.mesh = {mesh["sha256"],
+               MeshFormat::kObj,
+               42,
+               2,
+               0,
+               4,
+               {{0, 0, 0}, {1, 1, 0}},
+               {0, 0, 0, 4, 0, false, 0x1p-52}};
   tree.mesh_known = true;
   tree.tree = {Build::kBox, 1, 1, 0, 2, 0, {0, 0, 1}, facts["bytes"], 4, 1, 4, 0.0625, 0.03125};
   tree.plan = ready["plan"];

@@ -112,7 +112,7 @@ TEST_F(CoreEngineTest, AnUploadIsDescribedAndItsBytesComeBack) {
   EXPECT_TRUE(description->ready);
   EXPECT_EQ(description->progress, 1.0);
   EXPECT_EQ(description->mesh.sha256, sha256);
-  EXPECT_EQ(description->mesh.format, "off");
+  EXPECT_EQ(description->mesh.format, api::MeshFormat::kOff);
   EXPECT_EQ(description->mesh.bytes, bytes.size());
   EXPECT_EQ(description->mesh.triangles, Sphere().triangles.size());
   EXPECT_TRUE(description->mesh.health.closed);

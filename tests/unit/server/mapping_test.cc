@@ -94,9 +94,13 @@ TEST(Mapping, AProblemSaysLineAndFieldAndNothingInternal) {
 
 TEST(Mapping, BuildsAndPrecisionsGoBothWays) {
   EXPECT_EQ(ToCore(api::Build::kAuto), std::nullopt);
-  for (const core::BuildKind build : core::kAllBuildKinds) EXPECT_EQ(ToCore(ToApi(build)), build);
+  for (const core::BuildKind build : core::kAllBuildKinds) {
+    EXPECT_EQ(ToCore(ToApi(build)), build);
+    EXPECT_EQ(api::Name(ToApi(build)), core::Name(build));
+  }
   for (const core::Precision precision : core::kAllPrecisions) {
     EXPECT_EQ(ToCore(ToApi(precision), core::Precision::kFast), precision);
+    EXPECT_EQ(api::Name(ToApi(precision)), core::Name(precision));
     EXPECT_EQ(ToCore(api::Precision::kAuto, precision), precision);
   }
 }
@@ -132,7 +136,7 @@ TEST(Mapping, ADescriptionTellsAllFacts) {
   EXPECT_TRUE(d.ready && d.mesh_known && d.tree.has_value());
   EXPECT_EQ(d.created_at, "2023-11-14T22:13:20.123Z");
   EXPECT_EQ(d.mesh.sha256, std::string(64, '0'));
-  EXPECT_EQ(d.mesh.format, "ply");
+  EXPECT_EQ(d.mesh.format, api::MeshFormat::kPly);
   EXPECT_EQ(d.mesh.bytes, 4711u);
   EXPECT_EQ(d.mesh.triangles, 100u);
   EXPECT_EQ(d.mesh.dropped, 2u);
@@ -289,25 +293,6 @@ TEST(Mapping, TheDefaultsOfTheContractAreThoseOfCore) {
     EXPECT_EQ(image->background.color.g, static_cast<float>(background[1]));
     EXPECT_EQ(image->background.color.b, static_cast<float>(background[2]));
     EXPECT_FALSE(image->background.transparent);
-  }
-}
-
-TEST(Mapping, TheContractNamesTheFormatsThatAreRead) {
-  std::vector<std::string_view> names;
-  for (const core::MeshFormat format : {core::MeshFormat::kObj, core::MeshFormat::kPly,
-                                        core::MeshFormat::kStl, core::MeshFormat::kOff}) {
-    names.push_back(core::Name(format));
-  }
-  EXPECT_TRUE(std::equal(names.begin(), names.end(), api::kMeshFormatNames.begin(),
-                         api::kMeshFormatNames.end()));
-}
-
-TEST(Mapping, TheContractNamesEveryBuildAndPrecision) {
-  // `auto` stands before them.
-  EXPECT_EQ(api::kBuildNames.size(), core::kAllBuildKinds.size() + 1);
-  EXPECT_EQ(api::kPrecisionNames.size(), core::kAllPrecisions.size() + 1);
-  for (const core::BuildKind kind : core::kAllBuildKinds) {
-    EXPECT_EQ(api::Name(ToApi(kind)), core::Name(kind));
   }
 }
 
