@@ -36,7 +36,8 @@ class Exchange final : public HttpPeer, private WatchedClient {
   /// left meanwhile, the answer is an empty one of status kClientGone.
   void Answer(HttpHandler& handler);
 
-  bool is_head() const { return request_.method == "HEAD"; }
+  /// What is known of the request.
+  const HttpRequest& request() const { return request_; }
   HttpResponse& response() { return response_; }
   /// Whether all of the answer was sent; for the record.
   void set_complete(bool complete) { complete_ = complete; }

@@ -1,15 +1,14 @@
-// What cpp-httplib does here: it makes the listening socket, accepts, and writes answers. What it
-// does not do:
+// cpp-httplib listens, accepts, and writes answers. What it does not do, and why:
 //
 // - It reads no request. Its reader takes bare line feeds, negative and repeated lengths, chunk
-// sizes with signs, unlimited lines
-//   and header counts, and decodes percent signs in header values; a body it does not read becomes
-//   the next request. So the head is read by Connection and ParseRequestHead(), the body by
-//   Connection, and the library is shown a head of our own making.
+//   sizes with signs, unlimited lines and header counts, and decodes percent signs in header
+//   values. A body that it does not read becomes the next request. So Connection and
+//   ParseRequestHead() read the head, and Connection reads the body. The library's own parser sees
+//   one line that never changes (kPlaceholder); then it is given the head that was validated.
 // - It keeps no connection. Its loop polls a hundred times a second and drops what was read too
-// far. Ours keeps one Connection.
+//   far. Ours keeps one Connection.
 // - It routes nothing, serves no files, ranges or compression: the pre-routing handler answers
-// everything.
+//   everything.
 // - It does not end when accept() fails, or when it merely thinks so: see AcceptUntilStopped().
 //
 // Checked against versions 0.11 (Debian 12) and 0.18 (Debian 13). Where they differ, the code below
@@ -63,18 +62,31 @@ std::string HttpDate() {
   return text;
 }
 
-/// What the library sees of a connection: it reads the head that we wrote for it, and its writes go
-/// through.
+/// All that the library's parser ever reads; Show() replaces what it makes of it.
+constexpr std::string_view kPlaceholder = "GET / HTTP/1.1\r\n\r\n";
+
+/// Gives the library the head that ParseRequestHead() has validated, as far as it is known.
+void Show(const HttpRequest& from, httplib::Request& to) {
+  if (from.method.empty()) return;  // refused before it was understood
+  to.method = from.method;
+  to.path = from.path;
+  to.target = from.query.empty() ? from.path : from.path + "?" + from.query;
+  for (const auto& [name, value] : from.headers.fields()) {
+    // Exchange asks for the body when the handler wants it.
+    if (!EqualsIgnoringCase(name, "Expect")) to.headers.emplace(name, value);
+  }
+}
+
+/// What the library reads and writes instead of a socket.
 class LibraryStream final : public httplib::Stream {
  public:
-  LibraryStream(Connection& connection, std::string_view head)
-      : connection_(connection), head_(head) {}
+  explicit LibraryStream(Connection& connection) : connection_(connection) {}
 
-  bool is_readable() const override { return !head_.empty(); }
+  bool is_readable() const override { return !unread_.empty(); }
   bool is_writable() const override { return true; }
   ssize_t read(char* out, size_t size) override {
-    const std::size_t count = head_.copy(out, size);
-    head_.remove_prefix(count);
+    const std::size_t count = unread_.copy(out, size);
+    unread_.remove_prefix(count);
     return static_cast<ssize_t>(count);
   }
   // Never 0, which the library would try again for ever.
@@ -83,11 +95,11 @@ class LibraryStream final : public httplib::Stream {
   }
   void get_remote_ip_and_port(std::string&, int&) const override {}
   void get_local_ip_and_port(std::string&, int&) const override {}
-  socket_t socket() const override { return connection_.fd(); }
+  socket_t socket() const override { return INVALID_SOCKET; }
 
  private:
   Connection& connection_;
-  std::string_view head_;
+  std::string_view unread_ = kPlaceholder;
 };
 
 /// The library's queue of connections. They are handed on at once, to ConnectionPool.
@@ -128,6 +140,89 @@ std::string RemoteAddress(int fd) {
   return text;
 }
 
+/// The library's side of one connection: asks for the answers and writes them. One for each
+/// connection, so that the library's handlers, which are not told it, know whose answer they make.
+class Responder final : private httplib::Server {
+ public:
+  Responder(Connection& connection, const ConnectionPool::Slot& slot, HttpHandler& handler)
+      : connection_(connection), slot_(slot), handler_(handler) {
+    set_pre_routing_handler([this](const httplib::Request&, httplib::Response& answer) {
+      Fill(answer);
+      return HandlerResponse::Handled;
+    });
+    // The library's own way is to send the text of the exception. Left for one that was thrown
+    // while a problem was made.
+    set_exception_handler(
+        [this](const httplib::Request&, httplib::Response& answer, const std::exception_ptr&) {
+          answer.status = 500;
+          exchange_->response().close = true;
+        });
+    set_post_routing_handler(
+        [this](const httplib::Request&, httplib::Response& answer) { FinishHeaders(answer); });
+  }
+
+  /// False when the client does not take the whole answer.
+  bool Answer(Exchange& exchange) {
+    exchange_ = &exchange;
+    LibraryStream stream(connection_);
+    const bool written = ProcessRequest(
+        *this, stream, [&](httplib::Request& request) { Show(exchange.request(), request); });
+    exchange_ = nullptr;
+    return written;
+  }
+
+ private:
+  /// The library's process_request. Version 0.18 also takes both ends' addresses, for handlers that
+  /// ask for them; ours do not. A template, so that only the call that exists is compiled.
+  template <class Self, class Setup>
+  static bool ProcessRequest(Self& self, httplib::Stream& stream, const Setup& setup) {
+    bool closes = false;
+    if constexpr (requires { self.process_request(stream, false, closes, setup); }) {
+      return self.process_request(stream, false, closes, setup);
+    } else {
+      return self.process_request(stream, "", 0, "", 0, false, closes, setup);
+    }
+  }
+
+  void Fill(httplib::Response& answer) {
+    exchange_->Answer(handler_);
+    HttpResponse& response = exchange_->response();
+    response.close = response.close || slot_.must_close();
+    answer.status = response.status;
+    std::string content_type;
+    for (const auto& [name, value] : response.headers.fields()) {
+      if (EqualsIgnoringCase(name, "Content-Type")) {
+        content_type = value;
+      } else {
+        answer.set_header(name, value);  // drops a value with CR or LF in it
+      }
+    }
+    answer.set_header("Date", HttpDate());
+    if (response.body.size() > 0) {
+      answer.set_content_provider(
+          response.body.size(), content_type,
+          [&body = response.body](size_t offset, size_t length, httplib::DataSink& sink) {
+            return SendBody(body, offset, length, sink);
+          });
+    }
+  }
+
+  /// Undoes what the library adds by itself.
+  void FinishHeaders(httplib::Response& answer) const {
+    answer.headers.erase("Keep-Alive");
+    answer.headers.erase("Accept-Ranges");
+    answer.headers.erase("Connection");
+    if (exchange_->response().close) answer.set_header("Connection", "close");
+    // RFC 9110, 8.6: never in a 204; in a 304 it would speak of the answer that was not sent.
+    if (answer.status == 204 || answer.status == 304) answer.headers.erase("Content-Length");
+  }
+
+  Connection& connection_;
+  const ConnectionPool::Slot& slot_;
+  HttpHandler& handler_;
+  Exchange* exchange_ = nullptr;  ///< the one that is answered
+};
+
 }  // namespace
 
 class HttpServer::Impl final : public httplib::Server {
@@ -145,19 +240,6 @@ class HttpServer::Impl final : public httplib::Server {
       const int yes = 1;
       setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
     });
-    set_pre_routing_handler([this](const httplib::Request&, httplib::Response& answer) {
-      FillAnswer(answer);
-      return HandlerResponse::Handled;
-    });
-    // The library's own way is to send the text of the exception. Left for one that was thrown
-    // while a problem was made.
-    set_exception_handler(
-        [](const httplib::Request&, httplib::Response& answer, const std::exception_ptr&) {
-          answer.status = 500;
-          current_.exchange->response().close = true;
-        });
-    set_post_routing_handler(
-        [](const httplib::Request&, httplib::Response& answer) { FinishHeaders(answer); });
   }
   ~Impl() override { Stop(); }
 
@@ -230,9 +312,10 @@ class HttpServer::Impl final : public httplib::Server {
   void Serve(int fd, ConnectionPool::Slot& slot) noexcept {
     try {
       Connection connection(fd);
+      Responder responder(connection, slot, handler_);
       const std::string remote_addr = RemoteAddress(fd);
       auto wait = options_.head_timeout;  // a new connection is expected to speak
-      while (ServeOne(connection, slot, remote_addr, wait) && slot.BecomeIdle()) {
+      while (ServeOne(connection, responder, slot, remote_addr, wait) && slot.BecomeIdle()) {
         wait = options_.idle_timeout;
       }
       connection.CloseGently();
@@ -242,8 +325,8 @@ class HttpServer::Impl final : public httplib::Server {
   }
 
   /// False when the connection is to be closed.
-  bool ServeOne(Connection& connection, ConnectionPool::Slot& slot, const std::string& remote_addr,
-                std::chrono::milliseconds wait) {
+  bool ServeOne(Connection& connection, Responder& responder, ConnectionPool::Slot& slot,
+                const std::string& remote_addr, std::chrono::milliseconds wait) {
     Exchange exchange(connection, watch_, options_.body_pace, remote_addr);
     if (slot.shed()) {
       exchange.Refuse({{},
@@ -258,28 +341,12 @@ class HttpServer::Impl final : public httplib::Server {
     }
     const auto start = Clock::now();
     connection.BeginWrite(options_.answer_pace);
-    current_ = {.exchange = &exchange, .slot = &slot};
-    LibraryStream stream(connection,
-                         exchange.is_head() ? "HEAD / HTTP/1.1\r\n\r\n" : "GET / HTTP/1.1\r\n\r\n");
-    const bool written = ProcessRequest(*this, stream);
-    current_ = {};
+    const bool written = responder.Answer(exchange);
     exchange.set_complete(connection.Flush() && written);
     handler_.Answered(exchange.Record(start));
     if (exchange.response().close || !written) return false;
     connection.EndRequest();
     return true;
-  }
-
-  /// The library's process_request. Version 0.18 also takes both ends' addresses, for handlers that
-  /// ask for them; ours do not. A template, so that only the call that exists is compiled.
-  template <class Self>
-  static bool ProcessRequest(Self& self, httplib::Stream& stream) {
-    bool closes = false;
-    if constexpr (requires { self.process_request(stream, false, closes, nullptr); }) {
-      return self.process_request(stream, false, closes, nullptr);
-    } else {
-      return self.process_request(stream, "", 0, "", 0, false, closes, nullptr);
-    }
   }
 
   /// False when the client left without a request.
@@ -319,48 +386,6 @@ class HttpServer::Impl final : public httplib::Server {
                    .limit = static_cast<double>(limit)};
   }
 
-  /// The library's only handler: makes the answer to the exchange that this thread is in.
-  void FillAnswer(httplib::Response& answer) {
-    Exchange& exchange = *current_.exchange;
-    exchange.Answer(handler_);
-    HttpResponse& response = exchange.response();
-    response.close = response.close || current_.slot->must_close();
-    answer.status = response.status;
-    std::string content_type;
-    for (const auto& [name, value] : response.headers.fields()) {
-      if (EqualsIgnoringCase(name, "Content-Type")) {
-        content_type = value;
-      } else {
-        answer.set_header(name, value);  // drops a value with CR or LF in it
-      }
-    }
-    answer.set_header("Date", HttpDate());
-    if (response.body.size() > 0) {
-      answer.set_content_provider(
-          response.body.size(), content_type,
-          [&body = response.body](size_t offset, size_t length, httplib::DataSink& sink) {
-            return SendBody(body, offset, length, sink);
-          });
-    }
-  }
-
-  /// Undoes what the library adds by itself.
-  static void FinishHeaders(httplib::Response& answer) {
-    answer.headers.erase("Keep-Alive");
-    answer.headers.erase("Accept-Ranges");
-    answer.headers.erase("Connection");
-    if (current_.exchange->response().close) answer.set_header("Connection", "close");
-    // RFC 9110, 8.6: never in a 204; in a 304 it would speak of the answer that was not sent.
-    if (answer.status == 204 || answer.status == 304) answer.headers.erase("Content-Length");
-  }
-
-  struct Current {
-    Exchange* exchange = nullptr;
-    const ConnectionPool::Slot* slot = nullptr;
-  };
-  /// The library's handlers are not told the connection; a thread serves one at a time.
-  static thread_local Current current_;
-
   const HttpServerOptions options_;
   HttpHandler& handler_;
   DepartureWatch watch_;
@@ -370,8 +395,6 @@ class HttpServer::Impl final : public httplib::Server {
   std::atomic<bool> stopping_{false};
   std::thread accept_thread_;
 };
-
-thread_local HttpServer::Impl::Current HttpServer::Impl::current_;
 
 HttpServer::HttpServer(HttpServerOptions options, HttpHandler& handler)
     : impl_(std::make_unique<Impl>(std::move(options), handler)) {}
