@@ -47,6 +47,18 @@ api::Problem TooManyCells(std::string_view parameter, std::int64_t depth, std::u
           .limit = static_cast<double>(limit)};
 }
 
+api::Problem StillBuilding(double progress) {
+  return {.code = api::ErrorCode::kTreeBuilding,
+          .detail = "the tree was not built in time, " +
+                    std::to_string(static_cast<int>(progress * 100)) +
+                    " percent of the work is done"};
+}
+
+api::Check ToCheck(const core::Status& status) {
+  if (status.ok()) return std::nullopt;
+  return ToProblem(status.error());
+}
+
 api::Problem NotMeasured() {
   return {.code = api::ErrorCode::kNotMeasured,
           .detail = "nothing has been measured for this tree; POST begins it"};
@@ -82,9 +94,7 @@ class CoreMeshUpload final : public MeshUpload {
       : library_(library), upload_(std::move(upload)) {}
 
   api::Check Append(std::span<const std::byte> bytes) override {
-    const core::Status status = upload_.Append(bytes);
-    if (status.ok()) return std::nullopt;
-    return ToProblem(status.error());
+    return ToCheck(upload_.Append(bytes));
   }
   api::Outcome<Stored> Finish(api::Build build) override {
     const auto added = library_->Finish(std::move(upload_), ToCore(build));
@@ -97,22 +107,123 @@ class CoreMeshUpload final : public MeshUpload {
   core::TreeLibrary::Upload upload_;
 };
 
+/// What runs queries, shared by an engine and its handles.
+struct QueryRunner {
+  const api::Limits limits;
+  core::Arena arena;
+  std::atomic<int> queries{0};  ///< at work now; the library's measurements look at it
+};
+
+class CoreLoadedTree final : public LoadedTree {
+ public:
+  CoreLoadedTree(QueryRunner* runner, core::Scene scene)
+      : runner_(*runner), scene_(std::move(scene)) {}
+
+  api::Outcome<api::ClosestAnswer> Closest(const api::RayTable& rays,
+                                           const api::RayOptions& options,
+                                           const CancelToken& cancel) const override {
+    return Query<api::ClosestAnswer>(
+        options.precision, cancel,
+        [&](const core::TraceOptions& trace, api::ClosestAnswer* answer) {
+          return ToCheck(AnswerClosest(scene_, rays, options, trace, answer));
+        });
+  }
+
+  api::Outcome<api::AnyAnswer> Any(const api::RayTable& rays, const api::RayOptions& options,
+                                   const CancelToken& cancel) const override {
+    return Query<api::AnyAnswer>(options.precision, cancel,
+                                 [&](const core::TraceOptions& trace, api::AnyAnswer* answer) {
+                                   return ToCheck(AnswerAny(scene_, rays, trace, answer));
+                                 });
+  }
+
+  api::Outcome<api::RenderAnswer> Render(const api::RenderRequest& request, bool png,
+                                         const CancelToken& cancel) const override {
+    return Query<api::RenderAnswer>(
+        request.precision, cancel,
+        [&](const core::TraceOptions& trace, api::RenderAnswer* answer) -> api::Check {
+          const auto start = SteadyClock::now();
+          core::RenderSpec spec = ToCore(request, trace.precision);
+          spec.max_cells = static_cast<std::size_t>(runner_.limits.max_picture_cells);
+          if (spec.budget) spec.budget = std::min(*spec.budget, TimeToTrace(cancel));
+          core::Result<core::RenderedImage> image = core::Render(scene_, spec, cancel);
+          if (!image.ok()) {
+            // Depths are checked before: only their number of cells can be wrong.
+            if (image.error().field == "cells_depth") {
+              return TooManyCells("cells_depth", *request.cells_depth,
+                                  runner_.limits.max_picture_cells);
+            }
+            return ToProblem(image.error());
+          }
+          answer->samples = image->samples;
+          answer->noise = image->noise;
+          answer->stopped = ToApi(image->stopped);
+          answer->trace_ms = MillisecondsSince(start);
+          if (png) return Encode(*image, cancel, answer);
+          answer->image = ToApi(*std::move(image));
+          return std::nullopt;
+        });
+  }
+
+  api::Outcome<std::vector<api::Cell>> Cells(std::uint32_t depth,
+                                             const CancelToken& cancel) const override {
+    const std::uint64_t limit = runner_.limits.max_cells;
+    const auto cells = scene_.Cells(depth, static_cast<std::size_t>(limit), cancel);
+    if (!cells.ok() && cells.error().code == core::ErrorCode::kInvalidArgument) {
+      return TooManyCells("depth", depth, limit);
+    }
+    if (!cells.ok()) return ToProblem(cells.error());
+    std::vector<api::Cell> answer;
+    answer.reserve(cells->size());
+    for (const core::TreeCell& cell : *cells) answer.push_back(ToApi(cell));
+    return answer;
+  }
+
+ private:
+  static api::Check Encode(const core::RenderedImage& image, const CancelToken& cancel,
+                           api::RenderAnswer* answer) {
+    const auto start = SteadyClock::now();
+    const core::Result<core::Picture> picture = core::MakePicture(image, cancel);
+    if (!picture.ok()) return ToProblem(picture.error());
+    core::Result<std::vector<std::byte>> bytes = core::EncodePng(
+        picture->pixels, picture->width, picture->height, picture->channels, cancel);
+    if (!bytes.ok()) return ToProblem(bytes.error());
+    answer->image = *std::move(bytes);
+    answer->encode_ms = MillisecondsSince(start);
+    return std::nullopt;
+  }
+
+  // Settles the precision, and runs `work` in the query arena.
+  template <class Answer, class Work>
+  api::Outcome<Answer> Query(api::Precision asked, const CancelToken& cancel,
+                             const Work& work) const {
+    const core::Precision precision = ToCore(asked, core::AutoPrecision(*scene_.mesh));
+    Answer answer;
+    answer.precision = ToApi(precision);
+    try {
+      api::Check problem;
+      const auto start = SteadyClock::now();
+      const Counted counted(&runner_.queries);
+      runner_.arena.Run([&] { problem = work({precision, cancel}, &answer); });
+      if (problem) return *std::move(problem);
+      if (answer.trace_ms == 0) answer.trace_ms = MillisecondsSince(start);
+    } catch (const std::bad_alloc&) {
+      return OutOfMemory();
+    }
+    return answer;
+  }
+
+  QueryRunner& runner_;
+  const core::Scene scene_;
+};
+
 class RealEngine final : public CoreEngine {
  public:
   RealEngine(const CoreEngineOptions& options, std::unique_ptr<core::TreeLibrary> library)
-      : limits_(options.limits), arena_(options.threads), library_(std::move(library)) {}
+      : runner_{options.limits, core::Arena(options.threads)}, library_(std::move(library)) {}
   ~RealEngine() override { Shutdown(); }
 
   api::Outcome<std::unique_ptr<MeshUpload>> BeginUpload(std::uint64_t size) override {
-    if (size > limits_.max_upload_bytes) {
-      api::Problem problem;
-      problem.code = api::ErrorCode::kMeshTooLarge;
-      problem.detail = "the mesh has " + std::to_string(size) + " bytes; at most " +
-                       std::to_string(limits_.max_upload_bytes) + " are taken";
-      problem.limit = static_cast<double>(limits_.max_upload_bytes);
-      problem.actual = static_cast<double>(size);
-      return problem;
-    }
     auto upload = library_->BeginUpload(size);
     if (!upload.ok()) return ToProblem(upload.error());
     return std::unique_ptr<MeshUpload>(
@@ -130,18 +241,39 @@ class RealEngine final : public CoreEngine {
     return MeshUpload::Stored{added->id.ToString(), added->existed};
   }
 
-  api::Outcome<api::TreeDescription> Describe(std::string_view id) override {
-    return WaitUntilBuilt(id, SteadyClock::now(), CancelToken());
+  api::Check Find(std::string_view id) override {
+    const api::Outcome<core::TreeId> tree_id = ToTreeId(id);
+    if (!tree_id.ok()) return tree_id.problem();
+    const core::Result<core::TreeInfo> info = library_->Find(*tree_id);
+    if (info.ok()) return std::nullopt;
+    return ToProblem(info.error());
   }
 
-  api::Outcome<api::TreeDescription> WaitUntilBuilt(std::string_view id,
-                                                    SteadyClock::time_point until,
-                                                    const CancelToken& cancel) override {
+  api::Outcome<api::TreeDescription> Describe(std::string_view id, SteadyClock::time_point until,
+                                              const CancelToken& cancel) override {
     const api::Outcome<core::TreeId> tree_id = ToTreeId(id);
     if (!tree_id.ok()) return tree_id.problem();
     const core::Result<core::TreeInfo> info = library_->Wait(*tree_id, until, cancel);
     if (!info.ok()) return ToProblem(info.error());
     return ToApi(*info);
+  }
+
+  api::Outcome<std::unique_ptr<const LoadedTree>> Acquire(std::string_view id, TreeUse use,
+                                                          const CancelToken& cancel) override {
+    const api::Outcome<core::TreeId> tree_id = ToTreeId(id);
+    if (!tree_id.ok()) return tree_id.problem();
+    core::Result<core::Scene> scene = use == TreeUse::kCells
+                                          ? library_->LoadWithBinary(*tree_id, cancel)
+                                          : library_->Load(*tree_id, cancel);
+    if (scene.ok()) {
+      return std::unique_ptr<const LoadedTree>(
+          std::make_unique<CoreLoadedTree>(&runner_, *std::move(scene)));
+    }
+    if (scene.error().code == core::ErrorCode::kDeadlineExceeded) {
+      const core::Result<core::TreeInfo> info = library_->Find(*tree_id);
+      if (info.ok() && !info->ready()) return StillBuilding(info->progress);
+    }
+    return ToProblem(scene.error());
   }
 
   api::Outcome<api::TreePage> List(std::string_view mesh, std::size_t limit,
@@ -169,9 +301,7 @@ class RealEngine final : public CoreEngine {
   api::Check Delete(std::string_view id) override {
     const api::Outcome<core::TreeId> tree_id = ToTreeId(id);
     if (!tree_id.ok()) return tree_id.problem();
-    const core::Status status = library_->Delete(*tree_id);
-    if (status.ok()) return std::nullopt;
-    return ToProblem(status.error());
+    return ToCheck(library_->Delete(*tree_id));
   }
 
   api::Outcome<std::unique_ptr<MeshBytes>> OpenMesh(std::string_view id,
@@ -183,88 +313,13 @@ class RealEngine final : public CoreEngine {
     return std::unique_ptr<MeshBytes>(std::make_unique<CoreMeshBytes>(*std::move(file)));
   }
 
-  api::Outcome<api::ClosestAnswer> Closest(std::string_view id, const api::RayTable& rays,
-                                           const api::RayOptions& options,
-                                           const CancelToken& cancel) override {
-    return Query<api::ClosestAnswer>(
-        id, options.precision, cancel,
-        [&](const core::Scene& scene, const core::TraceOptions& trace, api::ClosestAnswer* answer) {
-          return AnswerClosest(scene, rays, options, trace, answer);
-        });
-  }
-
-  api::Outcome<api::AnyAnswer> Any(std::string_view id, const api::RayTable& rays,
-                                   const api::RayOptions& options,
-                                   const CancelToken& cancel) override {
-    return Query<api::AnyAnswer>(
-        id, options.precision, cancel,
-        [&](const core::Scene& scene, const core::TraceOptions& trace, api::AnyAnswer* answer) {
-          return AnswerAny(scene, rays, trace, answer);
-        });
-  }
-
-  api::Outcome<api::RenderAnswer> Render(std::string_view id, const api::RenderRequest& request,
-                                         bool png, const CancelToken& cancel) override {
-    auto rendered = Query<api::RenderAnswer>(
-        id, request.precision, cancel,
-        [&](const core::Scene& scene, const core::TraceOptions& trace,
-            api::RenderAnswer* answer) -> core::Status {
-          const auto start = SteadyClock::now();
-          core::RenderSpec spec = ToCore(request, trace.precision);
-          spec.max_cells = static_cast<std::size_t>(limits_.max_picture_cells);
-          if (spec.budget) spec.budget = std::min(*spec.budget, TimeToTrace(cancel));
-          core::Result<core::RenderedImage> image = core::Render(scene, spec, cancel);
-          if (!image.ok()) return std::move(image).error();
-          answer->samples = image->samples;
-          answer->noise = image->noise;
-          answer->stopped = ToApi(image->stopped);
-          answer->trace_ms = MillisecondsSince(start);
-          if (!png) {
-            answer->image = ToApi(*std::move(image));
-            return {};
-          }
-          const auto encode_start = SteadyClock::now();
-          const core::Result<core::Picture> picture = core::MakePicture(*image, cancel);
-          if (!picture.ok()) return picture.error();
-          core::Result<std::vector<std::byte>> bytes = core::EncodePng(
-              picture->pixels, picture->width, picture->height, picture->channels, cancel);
-          if (!bytes.ok()) return std::move(bytes).error();
-          answer->image = *std::move(bytes);
-          answer->encode_ms = MillisecondsSince(encode_start);
-          return {};
-        },
-        request.cells_depth ? Form::kWithBinary : Form::kWide);
-    // Depths are checked before: only their number of cells can be wrong.
-    if (!rendered && rendered.problem().parameter == "cells_depth") {
-      return TooManyCells("cells_depth", *request.cells_depth, limits_.max_picture_cells);
-    }
-    return rendered;
-  }
-
-  api::Outcome<std::vector<api::Cell>> Cells(std::string_view id, std::uint32_t depth,
-                                             const CancelToken& cancel) override {
-    const auto scene = Load(id, Form::kWithBinary, cancel);
-    if (!scene.ok()) return scene.problem();
-    const auto cells = scene->Cells(depth, static_cast<std::size_t>(limits_.max_cells), cancel);
-    if (!cells.ok() && cells.error().code == core::ErrorCode::kInvalidArgument) {
-      return TooManyCells("depth", depth, limits_.max_cells);
-    }
-    if (!cells.ok()) return ToProblem(cells.error());
-    std::vector<api::Cell> answer;
-    answer.reserve(cells->size());
-    for (const core::TreeCell& cell : *cells) answer.push_back(ToApi(cell));
-    return answer;
-  }
-
   api::Check Measure(std::string_view id) override {
     const api::Outcome<core::TreeId> tree_id = ToTreeId(id);
     if (!tree_id.ok()) return tree_id.problem();
     core::TradeoffOptions options;
-    options.is_disturbed = [this] { return queries_ != 0; };
+    options.is_disturbed = [this] { return runner_.queries != 0; };
     if (getloadavg(&options.load_average, 1) != 1) options.load_average = 0;
-    const core::Status status = library_->Measure(*tree_id, std::move(options));
-    if (!status.ok()) return ToProblem(status.error());
-    return std::nullopt;
+    return ToCheck(library_->Measure(*tree_id, std::move(options)));
   }
 
   api::Outcome<api::Tradeoff> WaitForTradeoff(std::string_view id, SteadyClock::time_point until,
@@ -289,11 +344,7 @@ class RealEngine final : public CoreEngine {
     return std::nullopt;
   }
 
-  bool IsReady() const override { return !shut_down_; }
-  void Shutdown() override {
-    shut_down_ = true;
-    library_->Shutdown();
-  }
+  void Shutdown() override { library_->Shutdown(); }
 
   EngineCounters counters() const override {
     const core::LibraryCounters c = library_->counters();
@@ -312,53 +363,7 @@ class RealEngine final : public CoreEngine {
   }
 
  private:
-  /// What a request needs of a tree.
-  enum class Form : std::uint8_t { kWide, kWithBinary };
-
-  api::Outcome<core::Scene> Load(std::string_view id, Form form, const CancelToken& cancel) {
-    const api::Outcome<core::TreeId> tree_id = ToTreeId(id);
-    if (!tree_id.ok()) return tree_id.problem();
-    auto scene = form == Form::kWide ? library_->Load(*tree_id, cancel)
-                                     : library_->LoadWithBinary(*tree_id, cancel);
-    if (scene.ok()) return *std::move(scene);
-    api::Problem problem = ToProblem(scene.error());
-    if (scene.error().code == core::ErrorCode::kDeadlineExceeded) {
-      // A tree that was never built needs patience; one that is only read in again was slow.
-      const core::Result<core::TreeInfo> info = library_->Find(*tree_id);
-      if (info.ok() && !info->ready()) {
-        problem.code = api::ErrorCode::kTreeBuilding;
-        problem.detail = "the tree was not built in time";
-      }
-    }
-    return problem;
-  }
-
-  // Loads the tree, settles the precision, and runs `work` in the query arena.
-  template <class Answer, class Work>
-  api::Outcome<Answer> Query(std::string_view id, api::Precision asked, const CancelToken& cancel,
-                             const Work& work, Form form = Form::kWide) {
-    const auto scene = Load(id, form, cancel);
-    if (!scene.ok()) return scene.problem();
-    const core::Precision precision = ToCore(asked, core::AutoPrecision(*scene->mesh));
-    Answer answer;
-    answer.precision = ToApi(precision);
-    try {
-      core::Status status;
-      const auto start = SteadyClock::now();
-      const Counted counted(&queries_);
-      arena_.Run([&] { status = work(*scene, {precision, cancel}, &answer); });
-      if (!status.ok()) return ToProblem(status.error());
-      if (answer.trace_ms == 0) answer.trace_ms = MillisecondsSince(start);
-    } catch (const std::bad_alloc&) {
-      return OutOfMemory();
-    }
-    return answer;
-  }
-
-  const api::Limits limits_;
-  core::Arena arena_;
-  std::atomic<bool> shut_down_{false};
-  std::atomic<int> queries_{0};  // at work now; the library's measurings look at it
+  QueryRunner runner_;
   std::unique_ptr<core::TreeLibrary> library_;
 };
 

@@ -47,8 +47,35 @@ class MeshBytes {
   virtual bool Read(std::uint64_t offset, std::span<std::byte> out) const = 0;
 };
 
+/// A tree that is built and in memory, for as long as the handle lives. Methods are safe from many
+/// threads at once, block, and end early when their `cancel` says so: deadline_exceeded.
+class LoadedTree {
+ public:
+  virtual ~LoadedTree() = default;
+  virtual api::Outcome<api::ClosestAnswer> Closest(const api::RayTable& rays,
+                                                   const api::RayOptions& options,
+                                                   const CancelToken& cancel) const = 0;
+  virtual api::Outcome<api::AnyAnswer> Any(const api::RayTable& rays,
+                                           const api::RayOptions& options,
+                                           const CancelToken& cancel) const = 0;
+  /// `png`: PNG bytes, else the array. invalid_parameter for an impossible camera (eye equal to
+  /// target, …).
+  virtual api::Outcome<api::RenderAnswer> Render(const api::RenderRequest& request, bool png,
+                                                 const CancelToken& cancel) const = 0;
+  /// too_many_cells beyond limits.max_cells.
+  virtual api::Outcome<std::vector<api::Cell>> Cells(std::uint32_t depth,
+                                                     const CancelToken& cancel) const = 0;
+};
+
+/// What a request does with a tree.
+enum class TreeUse : std::uint8_t {
+  kRays,   ///< queries, and renders without cells
+  kCells,  ///< the cells themselves, or a render that shows them
+};
+
 /// Every method is safe from many threads at once and may block the calling thread; none throws on
-/// purpose.
+/// purpose. A tree whose build failed answers with the problem of the build for 10 minutes
+/// (invalid_mesh, empty_mesh, …), an unknown id with tree_not_found.
 class Engine {
  public:
   virtual ~Engine() = default;
@@ -60,52 +87,38 @@ class Engine {
   virtual api::Outcome<MeshUpload::Stored> BuildStored(std::string_view sha256,
                                                        api::Build build) = 0;
 
-  /// tree_not_found; for a failed build its problem, for 10 minutes (invalid_mesh, empty_mesh, …).
-  virtual api::Outcome<api::TreeDescription> Describe(std::string_view id) = 0;
+  /// The problem that the tree has, if any. Neither waits nor describes.
+  virtual api::Check Find(std::string_view id) = 0;
   /// Waits until the tree is built, fails, is deleted, or `until` or `cancel` comes; then describes
-  /// it as above (state building when time ran out).
-  virtual api::Outcome<api::TreeDescription> WaitUntilBuilt(
-      std::string_view id, std::chrono::steady_clock::time_point until,
-      const CancelToken& cancel) = 0;
+  /// it (state building when time ran out).
+  virtual api::Outcome<api::TreeDescription> Describe(std::string_view id,
+                                                      std::chrono::steady_clock::time_point until,
+                                                      const CancelToken& cancel) = 0;
+  /// Waits until the tree is built and in memory. tree_building when the deadline of `cancel` comes
+  /// before the tree is built, deadline_exceeded when it was only to be read in again. The handle
+  /// must not outlive the engine.
+  virtual api::Outcome<std::unique_ptr<const LoadedTree>> Acquire(std::string_view id, TreeUse use,
+                                                                  const CancelToken& cancel) = 0;
   /// Newest first; `mesh` empty or a sha256; `after` empty or a cursor (invalid_parameter when it
   /// is not one).
   virtual api::Outcome<api::TreePage> List(std::string_view mesh, std::size_t limit,
                                            std::string_view after) = 0;
-  /// tree_not_found. A running build stops; the mesh goes with its last tree.
+  /// A running build stops; the mesh goes with its last tree.
   virtual api::Check Delete(std::string_view id) = 0;
   /// Checks all of its bytes first, as long as `cancel` lets it.
   virtual api::Outcome<std::unique_ptr<MeshBytes>> OpenMesh(std::string_view id,
                                                             const CancelToken& cancel) = 0;
 
-  // Queries wait for a tree that is being built until `cancel`'s deadline, then tree_building.
-  // deadline_exceeded when the deadline passes while tracing.
-  virtual api::Outcome<api::ClosestAnswer> Closest(std::string_view id, const api::RayTable& rays,
-                                                   const api::RayOptions& options,
-                                                   const CancelToken& cancel) = 0;
-  virtual api::Outcome<api::AnyAnswer> Any(std::string_view id, const api::RayTable& rays,
-                                           const api::RayOptions& options,
-                                           const CancelToken& cancel) = 0;
-  /// `png`: PNG bytes, else the array. invalid_parameter for a camera that cannot be (eye equal to
-  /// target, …).
-  virtual api::Outcome<api::RenderAnswer> Render(std::string_view id,
-                                                 const api::RenderRequest& request, bool png,
-                                                 const CancelToken& cancel) = 0;
-  /// too_many_cells beyond limits.max_cells.
-  virtual api::Outcome<std::vector<api::Cell>> Cells(std::string_view id, std::uint32_t depth,
-                                                     const CancelToken& cancel) = 0;
-
   /// Begins to measure speed and accuracy on the mesh, in the background, unless that is under way.
   virtual api::Check Measure(std::string_view id) = 0;
   /// What was measured, or how far it is; waits until it has ended, or `until` or `cancel` comes.
-  /// not_measured; the problem of a measuring that failed.
+  /// not_measured; the problem of a measurement that failed.
   virtual api::Outcome<api::Tradeoff> WaitForTradeoff(std::string_view id,
                                                       std::chrono::steady_clock::time_point until,
                                                       const CancelToken& cancel) = 0;
-  /// Stops a measuring and forgets what was measured: not_measured when there is neither.
+  /// Stops a measurement and forgets what was measured: not_measured when there is neither.
   virtual api::Check ForgetTradeoff(std::string_view id) = 0;
 
-  /// For /readyz: what was stored before has been read in.
-  virtual bool IsReady() const = 0;
   /// Stops builds and waits for them; a build cut off here resumes at the next start. Queries under
   /// way finish.
   virtual void Shutdown() = 0;

@@ -19,15 +19,14 @@ constexpr TimeLimit kTimeLimit{.ms = 30000, .default_ms = 30000, .parameter = {}
 api::Outcome<HttpResponse> GetCells(const Services& services, Call& call) {
   const auto request = api::DecodeCells(call.request.query, services.limits);
   if (!request) return request.problem();
-  if (auto problem = CheckTree(services, call.name)) return *std::move(problem);
+  if (auto problem = services.engine.Find(call.name)) return *std::move(problem);
   const std::string etag = MakeEtag("cells", call.name, api::CanonicalQuery(*request));
   if (ClientHas(call.request, etag)) return NotModified(services, etag, Caching::kHour);
 
-  const auto work = BeginWork(services, call, kTimeLimit);
+  const auto work = BeginWork(services, call, TreeUse::kCells, kTimeLimit);
   if (!work) return work.problem();
   const Stopwatch tracing;
-  const auto cells =
-      services.engine.Cells(call.name, static_cast<std::uint32_t>(request->depth), work->cancel);
+  const auto cells = work->tree->Cells(static_cast<std::uint32_t>(request->depth), work->cancel);
   if (!cells) return kTimeLimit.Explain(cells.problem());
   call.timing.trace_ms = tracing.ms();
 

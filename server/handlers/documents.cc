@@ -63,10 +63,6 @@ api::Outcome<HttpResponse> GetReadiness(const Services& services, Call& call) {
   if (services.draining) {
     return Problem{.code = ErrorCode::kDraining, .detail = "this server is shutting down"};
   }
-  if (!services.engine.IsReady()) {
-    return Problem{.code = ErrorCode::kOverloaded,
-                   .detail = "this server is still reading in what it stores"};
-  }
   HttpResponse response = JsonAnswer(200, R"({"status":"ready"})");
   SetCaching(response, services, Caching::kNever);
   return response;

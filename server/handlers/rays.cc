@@ -12,13 +12,13 @@
 namespace kdray::server {
 namespace {
 
-/// What the queries have in common. `trace(rays, cancel)` asks the engine, `encode(answer, rays,
-/// type, should_stop)` makes the bytes.
+/// What the queries have in common. `trace(tree, rays, cancel)` asks the tree, `encode(answer,
+/// rays, type, should_stop)` makes the bytes.
 template <class Trace, class Encode>
 api::Outcome<HttpResponse> AnswerBatch(const Services& services, Call& call,
                                        const api::RayOptions& options, const Trace& trace,
                                        const Encode& encode) {
-  if (auto problem = CheckTree(services, call.name)) return *std::move(problem);
+  if (auto problem = services.engine.Find(call.name)) return *std::move(problem);
   auto body = ReadWholeBody(services, call, services.limits.MaxBatchBytes());
   if (!body) return std::move(body).problem();
   const HttpHeaders& headers = call.request.headers;
@@ -30,7 +30,7 @@ api::Outcome<HttpResponse> AnswerBatch(const Services& services, Call& call,
   const TimeLimit limit{.ms = options.deadline_ms,
                         .default_ms = api::RayOptions().deadline_ms,
                         .parameter = "deadline_ms"};
-  const auto work = BeginWork(services, call, limit);
+  const auto work = BeginWork(services, call, TreeUse::kRays, limit);
   if (!work) return work.problem();
   const api::ShouldStop should_stop = [&cancel = work->cancel] { return cancel.ShouldStop(); };
   const Stopwatch parsing;
@@ -39,7 +39,7 @@ api::Outcome<HttpResponse> AnswerBatch(const Services& services, Call& call,
   body->text = std::string();  // from here on the rows are enough
   call.timing.parse_ms = parsing.ms();
 
-  const auto answer = trace(*rays, work->cancel);
+  const auto answer = trace(*work->tree, *rays, work->cancel);
   if (!answer) return limit.Explain(answer.problem());
   call.timing.trace_ms = answer->trace_ms;
 
@@ -64,8 +64,8 @@ api::Outcome<HttpResponse> PostRaysClosest(const Services& services, Call& call)
   if (!options) return options.problem();
   return AnswerBatch(
       services, call, *options,
-      [&](const api::RayTable& rays, const CancelToken& cancel) {
-        return services.engine.Closest(call.name, rays, *options, cancel);
+      [&](const LoadedTree& tree, const api::RayTable& rays, const CancelToken& cancel) {
+        return tree.Closest(rays, *options, cancel);
       },
       [&](const api::ClosestAnswer& answer, const api::RayTable& rays, api::BatchType type,
           const api::ShouldStop& should_stop) {
@@ -78,8 +78,8 @@ api::Outcome<HttpResponse> PostRaysAny(const Services& services, Call& call) {
   if (!options) return options.problem();
   return AnswerBatch(
       services, call, *options,
-      [&](const api::RayTable& rays, const CancelToken& cancel) {
-        return services.engine.Any(call.name, rays, *options, cancel);
+      [&](const LoadedTree& tree, const api::RayTable& rays, const CancelToken& cancel) {
+        return tree.Any(rays, *options, cancel);
       },
       [](const api::AnyAnswer& answer, const api::RayTable& rays, api::BatchType type,
          const api::ShouldStop& should_stop) {

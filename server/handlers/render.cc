@@ -47,9 +47,10 @@ api::Outcome<HttpResponse> AnswerRender(const Services& services, Call& call,
   const TimeLimit limit{.ms = request.deadline_ms,
                         .default_ms = api::RenderRequest().deadline_ms,
                         .parameter = "deadline_ms"};
-  const auto work = BeginWork(services, call, limit);
+  const TreeUse use = request.cells_depth ? TreeUse::kCells : TreeUse::kRays;
+  const auto work = BeginWork(services, call, use, limit);
   if (!work) return work.problem();
-  auto answer = services.engine.Render(call.name, request, form == ImageForm::kPng, work->cancel);
+  auto answer = work->tree->Render(request, form == ImageForm::kPng, work->cancel);
   if (!answer) return limit.Explain(std::move(answer).problem());
   call.timing.trace_ms = answer->trace_ms;
 
@@ -77,7 +78,7 @@ bool IsCut(const HttpResponse& response) {
 api::Outcome<HttpResponse> Get(const Services& services, Call& call, ImageForm form) {
   const auto request = api::DecodeRenderQuery(call.request.query, form, services.limits);
   if (!request) return request.problem();
-  if (auto problem = CheckTree(services, call.name)) return *std::move(problem);
+  if (auto problem = services.engine.Find(call.name)) return *std::move(problem);
   const std::string etag = MakeEtag(form == ImageForm::kPng ? "render.png" : "render.npy",
                                     call.name, api::CanonicalQuery(*request));
   if (ClientHas(call.request, etag)) return NotModified(services, etag, Caching::kHour);
@@ -103,7 +104,7 @@ api::Problem WithPointer(api::Problem problem) {
 
 api::Outcome<HttpResponse> Post(const Services& services, Call& call, ImageForm form) {
   if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
-  if (auto problem = CheckTree(services, call.name)) return *std::move(problem);
+  if (auto problem = services.engine.Find(call.name)) return *std::move(problem);
   const auto body = ReadWholeBody(services, call, services.limits.max_json_body_bytes);
   if (!body) return body.problem();
   const Stopwatch parsing;

@@ -8,7 +8,6 @@
 #include "api/request_codec.h"
 #include "api/tradeoff_codec.h"
 #include "server/handlers/answers.h"
-#include "server/handlers/work.h"
 
 namespace kdray::server {
 namespace {
@@ -32,7 +31,6 @@ api::Outcome<HttpResponse> PostTradeoff(const Services& services, Call& call) {
   const auto request = api::DecodeMeasure(call.request.query, services.limits);
   if (!request) return request.problem();
   if (auto problem = RefuseBody(call)) return *std::move(problem);
-  if (auto problem = CheckTree(services, call.name)) return *std::move(problem);
   if (auto problem = services.engine.Measure(call.name)) return *std::move(problem);
   return AnswerWithin(services, call, request->wait_ms, Caching::kNever);
 }

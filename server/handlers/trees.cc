@@ -60,11 +60,11 @@ api::Outcome<MeshUpload::Stored> Store(const Services& services, const Call& cal
 /// Describes the tree once it is built, or when the client has waited long enough.
 api::Outcome<api::TreeDescription> DescribeWithin(const Services& services, const Call& call,
                                                   std::string_view id, std::int64_t wait_ms) {
-  if (wait_ms == 0) return services.engine.Describe(id);
+  const auto now = std::chrono::steady_clock::now();
+  if (wait_ms == 0) return services.engine.Describe(id, now, CancelToken());
   const auto cancel = CancelToken::Cancellable();
   const auto watch = call.request.peer->CancelWhenGone(cancel);
-  return services.engine.WaitUntilBuilt(
-      id, std::chrono::steady_clock::now() + std::chrono::milliseconds(wait_ms), cancel);
+  return services.engine.Describe(id, now + std::chrono::milliseconds(wait_ms), cancel);
 }
 
 }  // namespace

@@ -10,9 +10,6 @@
 
 namespace kdray::server {
 
-/// Before a body is read: tree_not_found, or the problem of a build that failed.
-api::Check CheckTree(const Services& services, std::string_view id);
-
 /// The longest that the work for a request may take.
 struct TimeLimit {
   std::int64_t ms = 0;
@@ -28,14 +25,17 @@ struct TimeLimit {
 struct Work {
   CancelToken cancel;           ///< the deadline, and the client's departure
   std::shared_ptr<void> watch;  ///< for the departure
+  std::unique_ptr<const LoadedTree> tree;
   Admission::Turn turn;
 
   /// Why the work was stopped, once `cancel` says that it is time to stop.
   api::Problem WhyStopped() const;
 };
 
-/// Waits until the tree is built (tree_building when the limit comes first), then for a turn. The
-/// time counts from here, where the request is complete: a slow connection does not use it up.
-api::Outcome<Work> BeginWork(const Services& services, Call& call, const TimeLimit& limit);
+/// Waits until the tree is built and in memory (tree_building when the limit comes first), then for
+/// a turn. The time counts from here, where the request is complete: a slow connection does not use
+/// it up.
+api::Outcome<Work> BeginWork(const Services& services, Call& call, TreeUse use,
+                             const TimeLimit& limit);
 
 }  // namespace kdray::server

@@ -30,7 +30,7 @@ namespace kdray::test {
 /// "broken" are no mesh. Queries run while `hold` is false, and end early when they are cancelled.
 class StubEngine final : public server::Engine {
  public:
-  std::atomic<bool> hold{false}, ready{true}, finish_builds{false};
+  std::atomic<bool> hold{false}, finish_builds{false};
   std::atomic<int> running{0}, most_running{0}, cancelled{0}, renders{0};
   std::atomic<bool> was_shut_down{false};
   /// What the next uploads are refused with.
@@ -59,24 +59,33 @@ class StubEngine final : public server::Engine {
     return Store(bytes, build);
   }
 
-  api::Outcome<api::TreeDescription> Describe(std::string_view id) override {
-    const std::lock_guard lock(mutex_);
-    const auto tree = trees_.find(std::string(id));
-    if (tree == trees_.end()) return NotFound();
-    return Describe(tree->first, tree->second);
+  api::Check Find(std::string_view id) override {
+    const auto tree = DescribeNow(id);
+    if (tree) return std::nullopt;
+    return tree.problem();
   }
 
-  api::Outcome<api::TreeDescription> WaitUntilBuilt(std::string_view id,
-                                                    std::chrono::steady_clock::time_point until,
-                                                    const server::CancelToken& cancel) override {
+  api::Outcome<api::TreeDescription> Describe(std::string_view id,
+                                              std::chrono::steady_clock::time_point until,
+                                              const server::CancelToken& cancel) override {
     for (;;) {
-      auto tree = Describe(id);
+      auto tree = DescribeNow(id);
       if (!tree || tree->ready || cancel.ShouldStop() ||
           std::chrono::steady_clock::now() >= until) {
         return tree;
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
+  }
+
+  api::Outcome<std::unique_ptr<const server::LoadedTree>> Acquire(
+      std::string_view id, server::TreeUse, const server::CancelToken& cancel) override {
+    const auto tree = Describe(id, cancel.deadline(), cancel);
+    if (!tree) return tree.problem();
+    if (!tree->ready) {
+      return api::Problem{.code = api::ErrorCode::kTreeBuilding, .detail = "not built yet"};
+    }
+    return std::unique_ptr<const server::LoadedTree>(std::make_unique<Plane>(*this));
   }
 
   api::Outcome<api::TreePage> List(std::string_view mesh, std::size_t limit,
@@ -107,74 +116,9 @@ class StubEngine final : public server::Engine {
     return std::unique_ptr<server::MeshBytes>(std::make_unique<Bytes>(tree->second));
   }
 
-  api::Outcome<api::ClosestAnswer> Closest(std::string_view, const api::RayTable& rays,
-                                           const api::RayOptions&,
-                                           const server::CancelToken& cancel) override {
-    if (auto problem = Work(cancel)) return *std::move(problem);
-    api::ClosestAnswer answer;
-    answer.precision = api::Precision::kWatertight;
-    answer.trace_ms = 0.5;
-    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-    constexpr double kInfinity = std::numeric_limits<double>::infinity();
-    for (const auto& [t, valid] : Planes(rays)) {
-      if (!valid) answer.invalid.push_back(answer.hits.size());
-      const bool hit = valid && t >= 0;
-      answer.hits.push_back({!valid ? kNan : hit ? t : kInfinity, 0, 0, hit ? 0 : -1});
-      answer.normals.push_back({0, 0, 1});
-      answer.points.push_back({0, 0, 0});
-    }
-    return answer;
-  }
-
-  api::Outcome<api::AnyAnswer> Any(std::string_view, const api::RayTable& rays,
-                                   const api::RayOptions&,
-                                   const server::CancelToken& cancel) override {
-    if (auto problem = Work(cancel)) return *std::move(problem);
-    api::AnyAnswer answer;
-    answer.precision = api::Precision::kWatertight;
-    for (const auto& [t, valid] : Planes(rays)) {
-      if (!valid) answer.invalid.push_back(answer.occluded.size());
-      answer.occluded.push_back(valid && t >= 0 ? 1 : 0);
-    }
-    return answer;
-  }
-
-  api::Outcome<api::RenderAnswer> Render(std::string_view, const api::RenderRequest& request,
-                                         bool png, const server::CancelToken& cancel) override {
-    if (auto problem = Work(cancel)) return *std::move(problem);
-    ++renders;
-    api::RenderAnswer answer;
-    answer.precision = api::Precision::kWatertight;
-    answer.samples = 2.5;
-    if (request.max_noise) answer.noise = 0.25;
-    if (request.budget_ms) answer.stopped = api::Stopped::kBudget;
-    if (png) {
-      constexpr std::string_view kPng = "\x89PNG\r\n\x1a\n";
-      std::vector<std::byte> bytes(kPng.size());
-      std::memcpy(bytes.data(), kPng.data(), kPng.size());
-      answer.image = std::move(bytes);
-    } else {
-      api::ImageArray image;
-      image.width = static_cast<std::size_t>(request.width);
-      image.height = static_cast<std::size_t>(request.height);
-      image.values = std::vector<float>(image.width * image.height, 1.0F);
-      answer.image = std::move(image);
-    }
-    return answer;
-  }
-
-  api::Outcome<std::vector<api::Cell>> Cells(std::string_view, std::uint32_t depth,
-                                             const server::CancelToken& cancel) override {
-    if (auto problem = Work(cancel)) return *std::move(problem);
-    if (depth > 30) {
-      return api::Problem{.code = api::ErrorCode::kTooManyCells, .detail = "too many cells"};
-    }
-    return std::vector<api::Cell>{
-        {.bounds = {{0, 0, 0}, {1, 1, 1}}, .depth = depth, .leaf = true, .triangles = 1}};
-  }
-
   api::Check Measure(std::string_view id) override {
     const std::lock_guard lock(mutex_);
+    if (trees_.find(std::string(id)) == trees_.end()) return NotFound();
     measured_.emplace(std::string(id), false);
     return std::nullopt;
   }
@@ -199,7 +143,6 @@ class StubEngine final : public server::Engine {
     return std::nullopt;
   }
 
-  bool IsReady() const override { return ready; }
   void Shutdown() override { was_shut_down = true; }
 
  private:
@@ -231,11 +174,106 @@ class StubEngine final : public server::Engine {
     std::string bytes_;
   };
 
+  class Plane final : public server::LoadedTree {
+   public:
+    explicit Plane(StubEngine& engine) : engine_(engine) {}
+
+    api::Outcome<api::ClosestAnswer> Closest(const api::RayTable& rays, const api::RayOptions&,
+                                             const server::CancelToken& cancel) const override {
+      if (auto problem = engine_.Work(cancel)) return *std::move(problem);
+      api::ClosestAnswer answer;
+      answer.precision = api::Precision::kWatertight;
+      answer.trace_ms = 0.5;
+      constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+      constexpr double kInfinity = std::numeric_limits<double>::infinity();
+      for (const auto& [t, valid] : Planes(rays)) {
+        if (!valid) answer.invalid.push_back(answer.hits.size());
+        const bool hit = valid && t >= 0;
+        answer.hits.push_back({!valid ? kNan : hit ? t : kInfinity, 0, 0, hit ? 0 : -1});
+        answer.normals.push_back({0, 0, 1});
+        answer.points.push_back({0, 0, 0});
+      }
+      return answer;
+    }
+
+    api::Outcome<api::AnyAnswer> Any(const api::RayTable& rays, const api::RayOptions&,
+                                     const server::CancelToken& cancel) const override {
+      if (auto problem = engine_.Work(cancel)) return *std::move(problem);
+      api::AnyAnswer answer;
+      answer.precision = api::Precision::kWatertight;
+      for (const auto& [t, valid] : Planes(rays)) {
+        if (!valid) answer.invalid.push_back(answer.occluded.size());
+        answer.occluded.push_back(valid && t >= 0 ? 1 : 0);
+      }
+      return answer;
+    }
+
+    api::Outcome<api::RenderAnswer> Render(const api::RenderRequest& request, bool png,
+                                           const server::CancelToken& cancel) const override {
+      if (auto problem = engine_.Work(cancel)) return *std::move(problem);
+      ++engine_.renders;
+      api::RenderAnswer answer;
+      answer.precision = api::Precision::kWatertight;
+      answer.samples = 2.5;
+      if (request.max_noise) answer.noise = 0.25;
+      if (request.budget_ms) answer.stopped = api::Stopped::kBudget;
+      if (png) {
+        constexpr std::string_view kPng = "\x89PNG\r\n\x1a\n";
+        std::vector<std::byte> bytes(kPng.size());
+        std::memcpy(bytes.data(), kPng.data(), kPng.size());
+        answer.image = std::move(bytes);
+      } else {
+        api::ImageArray image;
+        image.width = static_cast<std::size_t>(request.width);
+        image.height = static_cast<std::size_t>(request.height);
+        image.values = std::vector<float>(image.width * image.height, 1.0F);
+        answer.image = std::move(image);
+      }
+      return answer;
+    }
+
+    api::Outcome<std::vector<api::Cell>> Cells(std::uint32_t depth,
+                                               const server::CancelToken& cancel) const override {
+      if (auto problem = engine_.Work(cancel)) return *std::move(problem);
+      if (depth > 30) {
+        return api::Problem{.code = api::ErrorCode::kTooManyCells, .detail = "too many cells"};
+      }
+      return std::vector<api::Cell>{
+          {.bounds = {{0, 0, 0}, {1, 1, 1}}, .depth = depth, .leaf = true, .triangles = 1}};
+    }
+
+   private:
+    /// Distance to z = 0 along each ray (negative: none), and whether the ray is one.
+    static std::vector<std::pair<double, bool>> Planes(const api::RayTable& rays) {
+      std::vector<std::pair<double, bool>> planes;
+      std::visit(
+          [&planes](const auto& rows) {
+            for (const auto& row : rows) {
+              const auto oz = static_cast<double>(row.oz), dz = static_cast<double>(row.dz);
+              const bool valid =
+                  std::isfinite(oz) && std::isfinite(dz) && (row.dx != 0 || row.dy != 0 || dz != 0);
+              planes.emplace_back(dz == 0 ? -1 : -oz / dz, valid);
+            }
+          },
+          rays.rows);
+      return planes;
+    }
+
+    StubEngine& engine_;
+  };
+
   static api::Problem NotMeasured() {
     return {.code = api::ErrorCode::kNotMeasured, .detail = "nothing measured"};
   }
   static api::Problem NotFound() {
     return {.code = api::ErrorCode::kTreeNotFound, .detail = "no such tree"};
+  }
+
+  api::Outcome<api::TreeDescription> DescribeNow(std::string_view id) const {
+    const std::lock_guard lock(mutex_);
+    const auto tree = trees_.find(std::string(id));
+    if (tree == trees_.end()) return NotFound();
+    return Describe(tree->first, tree->second);
   }
 
   api::Outcome<server::MeshUpload::Stored> Store(const std::string& bytes, api::Build build) {
@@ -277,22 +315,6 @@ class StubEngine final : public server::Engine {
                                     ? api::ErrorCode::kDraining
                                     : api::ErrorCode::kDeadlineExceeded,
                         .detail = "out of time"};
-  }
-
-  /// Distance to z = 0 along each ray (negative: none), and whether the ray is one.
-  static std::vector<std::pair<double, bool>> Planes(const api::RayTable& rays) {
-    std::vector<std::pair<double, bool>> planes;
-    std::visit(
-        [&planes](const auto& rows) {
-          for (const auto& row : rows) {
-            const auto oz = static_cast<double>(row.oz), dz = static_cast<double>(row.dz);
-            const bool valid =
-                std::isfinite(oz) && std::isfinite(dz) && (row.dx != 0 || row.dy != 0 || dz != 0);
-            planes.emplace_back(dz == 0 ? -1 : -oz / dz, valid);
-          }
-        },
-        rays.rows);
-    return planes;
   }
 
   mutable std::mutex mutex_;

@@ -59,10 +59,42 @@ class CoreEngineTest : public testing::Test {
   std::string Add(const core::MeshData& mesh, api::Build build = api::Build::kAuto) {
     const auto stored = Upload(test::OffBytes(mesh), build);
     EXPECT_TRUE(stored.ok());
-    const auto built = engine_->WaitUntilBuilt(
-        stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
+    const auto built =
+        engine_->Describe(stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
     EXPECT_TRUE(built.ok() && built->ready);
     return stored->id;
+  }
+
+  api::Outcome<api::TreeDescription> DescribeNow(std::string_view id) {
+    return engine_->Describe(id, steady_clock::now(), CancelToken());
+  }
+
+  // One request: acquires the tree, asks it once, and lets it go.
+  api::Outcome<api::ClosestAnswer> Closest(std::string_view id, const api::RayTable& rays,
+                                           const api::RayOptions& options,
+                                           const CancelToken& cancel) {
+    const auto tree = engine_->Acquire(id, TreeUse::kRays, cancel);
+    if (!tree) return tree.problem();
+    return (*tree)->Closest(rays, options, cancel);
+  }
+  api::Outcome<api::AnyAnswer> Any(std::string_view id, const api::RayTable& rays,
+                                   const api::RayOptions& options, const CancelToken& cancel) {
+    const auto tree = engine_->Acquire(id, TreeUse::kRays, cancel);
+    if (!tree) return tree.problem();
+    return (*tree)->Any(rays, options, cancel);
+  }
+  api::Outcome<api::RenderAnswer> Render(std::string_view id, const api::RenderRequest& request,
+                                         bool png, const CancelToken& cancel) {
+    const auto tree =
+        engine_->Acquire(id, request.cells_depth ? TreeUse::kCells : TreeUse::kRays, cancel);
+    if (!tree) return tree.problem();
+    return (*tree)->Render(request, png, cancel);
+  }
+  api::Outcome<std::vector<api::Cell>> Cells(std::string_view id, std::uint32_t depth,
+                                             const CancelToken& cancel) {
+    const auto tree = engine_->Acquire(id, TreeUse::kCells, cancel);
+    if (!tree) return tree.problem();
+    return (*tree)->Cells(depth, cancel);
   }
 
   test::SimulatedDisk disk_;
@@ -106,8 +138,8 @@ TEST_F(CoreEngineTest, AnUploadIsDescribedAndItsBytesComeBack) {
   ASSERT_TRUE(stored.ok());
   EXPECT_EQ(stored->id, sha256 + "-kd-binned");
   EXPECT_FALSE(stored->existed);
-  const auto description = engine_->WaitUntilBuilt(
-      stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
+  const auto description =
+      engine_->Describe(stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
   ASSERT_TRUE(description.ok());
   EXPECT_TRUE(description->ready);
   EXPECT_EQ(description->progress, 1.0);
@@ -136,15 +168,14 @@ TEST_F(CoreEngineTest, WhatIsNoIdIsNotFoundEverywhere) {
         real.substr(0, 65), std::string(64, 'g') + "-auto", std::string(64, 'A') + "-auto",
         std::string(64, '0') + "-auto", real.substr(0, 65) + "octree", real + std::string(1, '\0'),
         std::string(5000, 'a')}) {
-    EXPECT_EQ(engine_->Describe(id).problem().code, ErrorCode::kTreeNotFound) << id;
+    EXPECT_EQ(DescribeNow(id).problem().code, ErrorCode::kTreeNotFound) << id;
     EXPECT_EQ(engine_->Delete(id)->code, ErrorCode::kTreeNotFound);
     EXPECT_EQ(engine_->OpenMesh(id, {}).problem().code, ErrorCode::kTreeNotFound);
-    EXPECT_EQ(engine_->Closest(id, SomeRays<double>(1), {}, Soon()).problem().code,
+    EXPECT_EQ(Closest(id, SomeRays<double>(1), {}, Soon()).problem().code,
               ErrorCode::kTreeNotFound);
-    EXPECT_EQ(engine_->Any(id, SomeRays<double>(1), {}, Soon()).problem().code,
-              ErrorCode::kTreeNotFound);
-    EXPECT_EQ(engine_->Render(id, {}, true, Soon()).problem().code, ErrorCode::kTreeNotFound);
-    EXPECT_EQ(engine_->Cells(id, 0, Soon()).problem().code, ErrorCode::kTreeNotFound);
+    EXPECT_EQ(Any(id, SomeRays<double>(1), {}, Soon()).problem().code, ErrorCode::kTreeNotFound);
+    EXPECT_EQ(Render(id, {}, true, Soon()).problem().code, ErrorCode::kTreeNotFound);
+    EXPECT_EQ(Cells(id, 0, Soon()).problem().code, ErrorCode::kTreeNotFound);
   }
 }
 
@@ -164,26 +195,15 @@ TEST_F(CoreEngineTest, AnotherBuildOfAStoredMesh) {
 TEST_F(CoreEngineTest, BrokenMeshesAnswerTheirProblemWithItsLine) {
   const auto stored = Upload(test::Bytes("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n"));
   ASSERT_TRUE(stored.ok());
-  const auto waited = engine_->WaitUntilBuilt(
-      stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
+  const auto waited =
+      engine_->Describe(stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
   ASSERT_FALSE(waited.ok());
   EXPECT_EQ(waited.problem().code, ErrorCode::kInvalidMesh);
   EXPECT_EQ(waited.problem().line, 6u);
-  EXPECT_EQ(engine_->Describe(stored->id).problem().code, ErrorCode::kInvalidMesh);
-  EXPECT_EQ(engine_->Closest(stored->id, SomeRays<double>(1), {}, Soon()).problem().code,
+  EXPECT_EQ(DescribeNow(stored->id).problem().code, ErrorCode::kInvalidMesh);
+  EXPECT_EQ(Closest(stored->id, SomeRays<double>(1), {}, Soon()).problem().code,
             ErrorCode::kInvalidMesh);
   EXPECT_EQ(Upload({}).problem().code, ErrorCode::kEmptyMesh);
-}
-
-TEST_F(CoreEngineTest, AMeshBeyondTheLimitIsRefusedBeforeItsFirstByte) {
-  options_.limits.max_upload_bytes = 1000;
-  Open();
-  EXPECT_TRUE(engine_->BeginUpload(1000).ok());
-  const auto refused = engine_->BeginUpload(1001);
-  ASSERT_FALSE(refused.ok());
-  EXPECT_EQ(refused.problem().code, ErrorCode::kMeshTooLarge);
-  EXPECT_EQ(refused.problem().limit, 1000.0);
-  EXPECT_EQ(refused.problem().actual, 1001.0);
 }
 
 TEST_F(CoreEngineTest, ClosestHitsAreThoseOfBruteForceForFloatAndDoubleRows) {
@@ -192,7 +212,7 @@ TEST_F(CoreEngineTest, ClosestHitsAreThoseOfBruteForceForFloatAndDoubleRows) {
   const std::string id = Add(Sphere());
   for (const bool in_float : {false, true}) {
     const api::RayTable table = in_float ? SomeRays<float>(3000) : SomeRays<double>(3000);
-    const auto answer = engine_->Closest(id, table, {}, Soon());
+    const auto answer = Closest(id, table, {}, Soon());
     ASSERT_TRUE(answer.ok());
     ASSERT_EQ(answer->hits.size(), 3000u);
     EXPECT_TRUE(answer->normals.empty() && answer->points.empty()) << "nobody asked";
@@ -230,9 +250,9 @@ TEST_F(CoreEngineTest, ClosestHitsAreThoseOfBruteForceForFloatAndDoubleRows) {
 TEST_F(CoreEngineTest, ABatchLongerThanABlockIsAnsweredLikeItsParts) {
   const std::string id = Add(Sphere());
   const api::RayTable all = SomeRays<double>(300'000);
-  const auto answer = engine_->Closest(id, all, {}, Soon());
+  const auto answer = Closest(id, all, {}, Soon());
   ASSERT_TRUE(answer.ok());
-  const auto any = engine_->Any(id, all, {}, Soon());
+  const auto any = Any(id, all, {}, Soon());
   ASSERT_TRUE(any.ok());
   EXPECT_EQ(answer->invalid.size(), 30'000u);
   EXPECT_EQ(any->invalid, answer->invalid);
@@ -243,7 +263,7 @@ TEST_F(CoreEngineTest, ABatchLongerThanABlockIsAnsweredLikeItsParts) {
         {200},
         std::vector<api::RayRow<double>>(rows.begin() + std::ptrdiff_t(first),
                                          rows.begin() + std::ptrdiff_t(first) + 200)};
-    const auto part_answer = engine_->Closest(id, part, {}, Soon());
+    const auto part_answer = Closest(id, part, {}, Soon());
     ASSERT_TRUE(part_answer.ok());
     for (std::size_t i = 0; i < 200; ++i) {
       const api::RayHit& a = answer->hits[first + i];
@@ -264,7 +284,7 @@ TEST_F(CoreEngineTest, NormalsAndPointsComeWhenTheyAreAskedFor) {
                                                 {0.5, 0.25, 10, 0, 0, 0, -1, 1e300}};
   api::RayOptions options;
   options.fields = {api::RayField::kT, api::RayField::kNormal, api::RayField::kPoint};
-  const auto answer = engine_->Closest(id, table, options, Soon());
+  const auto answer = Closest(id, table, options, Soon());
   ASSERT_TRUE(answer.ok());
   EXPECT_EQ(answer->hits[0].t, 4.0) << "counts lengths of the direction";
   EXPECT_THAT(answer->normals[0], ElementsAre(-1, 0, 0)) << "outward, by the order of corners";
@@ -281,8 +301,8 @@ TEST_F(CoreEngineTest, EveryPrecisionIsAnsweredUnderItsName) {
                                          api::Precision::kDouble, api::Precision::kExact}) {
     api::RayOptions options;
     options.precision = precision;
-    const auto closest = engine_->Closest(id, SomeRays<double>(100), options, Soon());
-    const auto any = engine_->Any(id, SomeRays<double>(100), options, Soon());
+    const auto closest = Closest(id, SomeRays<double>(100), options, Soon());
+    const auto any = Any(id, SomeRays<double>(100), options, Soon());
     ASSERT_TRUE(closest.ok() && any.ok());
     EXPECT_EQ(closest->precision, precision);
     EXPECT_EQ(any->precision, precision);
@@ -291,38 +311,53 @@ TEST_F(CoreEngineTest, EveryPrecisionIsAnsweredUnderItsName) {
 
 TEST_F(CoreEngineTest, ABatchOfNothingIsAnsweredWithNothing) {
   const std::string id = Add(Sphere());
-  const auto closest = engine_->Closest(id, SomeRays<float>(0), {}, Soon());
+  const auto closest = Closest(id, SomeRays<float>(0), {}, Soon());
   ASSERT_TRUE(closest.ok());
   EXPECT_TRUE(closest->hits.empty() && closest->invalid.empty());
-  EXPECT_TRUE(engine_->Any(id, SomeRays<float>(0), {}, Soon())->occluded.empty());
+  EXPECT_TRUE(Any(id, SomeRays<float>(0), {}, Soon())->occluded.empty());
 }
 
 TEST_F(CoreEngineTest, ADeadlineThatHasPassedIsExceeded) {
   const std::string id = Add(Sphere());
   const CancelToken late = CancelToken::WithDeadline(steady_clock::now() - milliseconds(1));
-  EXPECT_EQ(engine_->Closest(id, SomeRays<double>(1000), {}, late).problem().code,
+  EXPECT_EQ(Closest(id, SomeRays<double>(1000), {}, late).problem().code,
             ErrorCode::kDeadlineExceeded);
-  EXPECT_EQ(engine_->Any(id, SomeRays<double>(1000), {}, late).problem().code,
-            ErrorCode::kDeadlineExceeded);
-  EXPECT_EQ(engine_->Render(id, {}, true, late).problem().code, ErrorCode::kDeadlineExceeded);
+  EXPECT_EQ(Any(id, SomeRays<double>(1000), {}, late).problem().code, ErrorCode::kDeadlineExceeded);
+  EXPECT_EQ(Render(id, {}, true, late).problem().code, ErrorCode::kDeadlineExceeded);
 }
 
 TEST_F(CoreEngineTest, AQueryOnATreeThatIsBuiltWaitsItsDeadlineOutAndIsToldToComeAgain) {
   // Large enough that it is not built at once.
   const auto stored = Upload(test::OffBytes(test::UvSphere({0, 0, 0}, 1, 80, 160)));
   ASSERT_TRUE(stored.ok());
-  const auto building = engine_->Describe(stored->id);
+  const auto building = DescribeNow(stored->id);
   ASSERT_TRUE(building.ok());
-  const auto hasty =
-      engine_->Closest(stored->id, SomeRays<double>(1), {},
-                       CancelToken::WithDeadline(steady_clock::now() + milliseconds(1)));
+  const auto hasty = Closest(stored->id, SomeRays<double>(1), {},
+                             CancelToken::WithDeadline(steady_clock::now() + milliseconds(1)));
   if (!building->ready && !hasty.ok()) {
     EXPECT_EQ(hasty.problem().code, ErrorCode::kTreeBuilding);
+    EXPECT_THAT(hasty.problem().detail, HasSubstr("percent of the work is done"));
     EXPECT_LT(building->progress, 1.0);
     EXPECT_FALSE(building->tree.has_value());
     EXPECT_EQ(building->mesh.sha256, stored->id.substr(0, 64));
   }
-  EXPECT_TRUE(engine_->Closest(stored->id, SomeRays<double>(1), {}, Soon()).ok());
+  EXPECT_TRUE(Closest(stored->id, SomeRays<double>(1), {}, Soon()).ok());
+}
+
+TEST_F(CoreEngineTest, AnAcquiredTreeAnswersAfterItWasDeleted) {
+  const std::string id = Add(Sphere());
+  EXPECT_EQ(engine_->Find(id), std::nullopt);
+  const auto tree = engine_->Acquire(id, TreeUse::kRays, Soon());
+  ASSERT_TRUE(tree.ok());
+  const auto before = (*tree)->Closest(SomeRays<double>(100), {}, Soon());
+  EXPECT_EQ(engine_->Delete(id), std::nullopt);
+  EXPECT_EQ(engine_->Find(id)->code, ErrorCode::kTreeNotFound);
+  EXPECT_EQ(engine_->Acquire(id, TreeUse::kRays, Soon()).problem().code, ErrorCode::kTreeNotFound);
+  const auto after = (*tree)->Closest(SomeRays<double>(100), {}, Soon());
+  ASSERT_TRUE(before.ok() && after.ok());
+  for (std::size_t i = 0; i < 100; ++i) {
+    EXPECT_EQ(after->hits[i].triangle, before->hits[i].triangle) << i;
+  }
 }
 
 TEST_F(CoreEngineTest, RendersAPngAndArrays) {
@@ -330,7 +365,7 @@ TEST_F(CoreEngineTest, RendersAPngAndArrays) {
   api::RenderRequest request;
   request.width = 40;
   request.height = 30;
-  const auto png = engine_->Render(id, request, true, Soon());
+  const auto png = Render(id, request, true, Soon());
   ASSERT_TRUE(png.ok());
   const auto& bytes = std::get<std::vector<std::byte>>(png->image);
   ASSERT_GT(bytes.size(), 8u);
@@ -343,7 +378,7 @@ TEST_F(CoreEngineTest, RendersAPngAndArrays) {
                                                               {api::RenderMode::kTriangle, 1}};
   for (const auto& [mode, count] : channels) {
     request.mode = mode;
-    const auto array = engine_->Render(id, request, false, Soon());
+    const auto array = Render(id, request, false, Soon());
     ASSERT_TRUE(array.ok());
     const auto& image = std::get<api::ImageArray>(array->image);
     EXPECT_EQ(image.width, 40u);
@@ -360,7 +395,7 @@ TEST_F(CoreEngineTest, ACameraThatCannotBeIsAnInvalidParameter) {
   api::RenderRequest request;
   request.eye = api::Vec3{1, 2, 3};
   request.target = api::Vec3{1, 2, 3};
-  const auto answer = engine_->Render(id, request, true, Soon());
+  const auto answer = Render(id, request, true, Soon());
   ASSERT_FALSE(answer.ok());
   EXPECT_EQ(answer.problem().code, ErrorCode::kInvalidParameter);
   EXPECT_TRUE(answer.problem().parameter.has_value()) << answer.problem().detail;
@@ -368,10 +403,10 @@ TEST_F(CoreEngineTest, ACameraThatCannotBeIsAnInvalidParameter) {
 
 TEST_F(CoreEngineTest, CellsAreInWorldUnitsAndLimited) {
   const std::string id = Add(Sphere());
-  const auto root = engine_->Cells(id, 0, Soon());
+  const auto root = Cells(id, 0, Soon());
   ASSERT_TRUE(root.ok());
   ASSERT_EQ(root->size(), 1u);
-  const auto description = engine_->Describe(id);
+  const auto description = DescribeNow(id);
   for (std::size_t axis = 0; axis < 3; ++axis) {
     EXPECT_NEAR((*root)[0].bounds.min[axis], description->mesh.bounds.min[axis], 1e-5);
     EXPECT_NEAR((*root)[0].bounds.max[axis], description->mesh.bounds.max[axis], 1e-5);
@@ -379,8 +414,8 @@ TEST_F(CoreEngineTest, CellsAreInWorldUnitsAndLimited) {
   EXPECT_FALSE((*root)[0].leaf);
   options_.limits.max_cells = 10;
   Open();
-  EXPECT_LE(engine_->Cells(id, 3, Soon())->size(), 8u);
-  const auto many = engine_->Cells(id, 10, Soon());
+  EXPECT_LE(Cells(id, 3, Soon())->size(), 8u);
+  const auto many = Cells(id, 10, Soon());
   ASSERT_FALSE(many.ok());
   EXPECT_EQ(many.problem().code, ErrorCode::kTooManyCells);
   EXPECT_EQ(many.problem().limit, 10.0);
@@ -393,12 +428,12 @@ TEST_F(CoreEngineTest, APictureOfTooManyCellsSaysSoAndHowManyItDraws) {
   api::RenderRequest request;
   request.width = request.height = 8;
   request.cells_depth = 3;
-  EXPECT_TRUE(engine_->Render(id, request, true, Soon()).ok());
+  EXPECT_TRUE(Render(id, request, true, Soon()).ok());
   EXPECT_EQ(engine_->counters().binary_rebuilds, 1u);
-  EXPECT_TRUE(engine_->Cells(id, 3, Soon()).ok());
+  EXPECT_TRUE(Cells(id, 3, Soon()).ok());
   EXPECT_EQ(engine_->counters().binary_rebuilds, 1u) << "pictures and lists share it";
   request.cells_depth = 10;
-  const auto many = engine_->Render(id, request, true, Soon());
+  const auto many = Render(id, request, true, Soon());
   ASSERT_FALSE(many.ok());
   EXPECT_EQ(many.problem().code, ErrorCode::kTooManyCells);
   EXPECT_EQ(many.problem().parameter, "cells_depth");
@@ -434,12 +469,12 @@ TEST_F(CoreEngineTest, PagesOfTheListJoinWithoutGaps) {
 TEST_F(CoreEngineTest, AnswersAreTheSameBytesFromMemoryDiskAndEveryThreadCount) {
   const std::string id = Add(Sphere());
   const api::RayTable rays = SomeRays<double>(20'000);
-  const auto before = engine_->Closest(id, rays, {}, Soon());
+  const auto before = Closest(id, rays, {}, Soon());
   ASSERT_TRUE(before.ok());
   for (const int threads : {1, 2, 5}) {
     options_.threads = threads;
     Open();
-    const auto after = engine_->Closest(id, rays, {}, Soon());
+    const auto after = Closest(id, rays, {}, Soon());
     ASSERT_TRUE(after.ok());
     for (std::size_t i = 0; i < before->hits.size(); ++i) {
       const api::RayHit& a = before->hits[i];
@@ -456,26 +491,24 @@ TEST_F(CoreEngineTest, AFullDiskIsStoreFullAndWhatIsInMemoryIsServed) {
   const std::string id = Add(Sphere());
   disk_.set_read_only(true);
   EXPECT_EQ(engine_->BeginUpload(100).problem().code, ErrorCode::kStoreFull);
-  EXPECT_TRUE(engine_->Closest(id, SomeRays<double>(10), {}, Soon()).ok());
+  EXPECT_TRUE(Closest(id, SomeRays<double>(10), {}, Soon()).ok());
   EXPECT_EQ(engine_->Delete(id)->code, ErrorCode::kStoreFull);
 }
 
 TEST_F(CoreEngineTest, ShutdownEndsWaitsAndAnswersDraining) {
-  EXPECT_TRUE(engine_->IsReady());
   const auto stored = Upload(test::OffBytes(test::UvSphere({0, 0, 0}, 1, 80, 160)));
   ASSERT_TRUE(stored.ok());
   std::thread client([&] {
-    const auto waited = engine_->WaitUntilBuilt(
-        stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
+    const auto waited =
+        engine_->Describe(stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
     EXPECT_TRUE(waited.ok() || waited.problem().code == ErrorCode::kDraining);
   });
   const auto start = steady_clock::now();
   engine_->Shutdown();
   client.join();
   EXPECT_LT(steady_clock::now() - start, std::chrono::seconds(20));
-  EXPECT_FALSE(engine_->IsReady());
   Open();
-  EXPECT_TRUE(engine_->Closest(stored->id, SomeRays<double>(1), {}, Soon()).ok()) << "resumed";
+  EXPECT_TRUE(Closest(stored->id, SomeRays<double>(1), {}, Soon()).ok()) << "resumed";
 }
 
 TEST(MakeCoreEngine, RefusesOptionsThatCannotBeAndASecondDaemon) {
