@@ -27,12 +27,6 @@ constexpr double kHighest = std::numeric_limits<double>::max();
 
 // ---- Words ----
 
-std::string Text(double value) {
-  std::string text;
-  AppendNumber(&text, value);
-  return text;
-}
-
 std::string Join(std::span<const std::string_view> names) {
   std::string text;
   for (const std::string_view name : names) {
@@ -44,9 +38,10 @@ std::string Join(std::span<const std::string_view> names) {
 
 std::string Interval(double min, double max, bool open_min, bool open_max) {
   if (min == kLowest && max == kHighest) return "";
-  if (!open_min && !open_max && max != kHighest) return " from " + Text(min) + " to " + Text(max);
-  std::string text = (open_min ? " above " : " of at least ") + Text(min);
-  if (max != kHighest) text += (open_max ? " and below " : " and at most ") + Text(max);
+  if (!open_min && !open_max && max != kHighest)
+    return " from " + NumberText(min) + " to " + NumberText(max);
+  std::string text = (open_min ? " above " : " of at least ") + NumberText(min);
+  if (max != kHighest) text += (open_max ? " and below " : " and at most ") + NumberText(max);
   return text;
 }
 
@@ -132,7 +127,7 @@ class JsonSource {
     const auto* number = std::get_if<JsonNumber>(&value_->value);
     if (number == nullptr) return WrongKind(kind);
     if (number->integer) return *number->integer;
-    return place_.Refuse(ErrorCode::kInvalidParameter, kind, Text(number->value));
+    return place_.Refuse(ErrorCode::kInvalidParameter, kind, NumberText(number->value));
   }
   Outcome<double> Number(const FieldKind& kind) const {
     const auto* number = std::get_if<JsonNumber>(&value_->value);
@@ -194,7 +189,7 @@ Outcome<FieldValue> Read(const NumberKind& kind, const Source& source) {
   const bool above = kind.open_min ? *value > kind.min : *value >= kind.min;
   const bool below = kind.open_max ? *value < kind.max : *value <= kind.max;
   if (above && below) return FieldValue(*value);
-  return OutOfRange(source.place(), kind, *value, kind.min, kind.max, Text(*value));
+  return OutOfRange(source.place(), kind, *value, kind.min, kind.max, NumberText(*value));
 }
 
 template <class Source>
@@ -203,13 +198,7 @@ Outcome<FieldValue> Read(const ChoiceKind& kind, const Source& source) {
   if (!word) return source.Refuse(kind);
   const auto found = std::find(kind.names.begin(), kind.names.end(), *word);
   if (found != kind.names.end()) return FieldValue(std::int64_t{found - kind.names.begin()});
-  if (std::find(kind.later.begin(), kind.later.end(), *word) == kind.later.end()) {
-    return source.Refuse(kind);
-  }
-  return Problem{ErrorCode::kInvalidParameter,
-                 source.place().name + " " + Quoted(*word) + " is not in this version; there are " +
-                     Join(kind.names),
-                 source.place().parameter};
+  return source.Refuse(kind);
 }
 
 /// A list of `count` items (0: any number but none), each read as `element_kind`.
@@ -311,7 +300,9 @@ std::string WriteText(const FieldKind& kind, const FieldValue& value) {
             return choice == nullptr ? std::to_string(number)
                                      : std::string(choice->names[static_cast<std::size_t>(number)]);
           },
-          [&](double number) { return std::isinf(number) ? std::string("inf") : Text(number); },
+          [&](double number) {
+            return std::isinf(number) ? std::string("inf") : NumberText(number);
+          },
           [&](const std::vector<std::int64_t>& numbers) {
             const auto* choices = std::get_if<ChoicesKind>(&kind);
             return list(numbers, [&](std::int64_t number) {
@@ -320,7 +311,7 @@ std::string WriteText(const FieldKind& kind, const FieldValue& value) {
                          : std::string(choices->names[static_cast<std::size_t>(number)]);
             });
           },
-          [&](const std::vector<double>& numbers) { return list(numbers, Text); },
+          [&](const std::vector<double>& numbers) { return list(numbers, NumberText); },
           [&](const std::string& text) { return text; },
       },
       value);

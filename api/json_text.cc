@@ -26,6 +26,11 @@ void AppendFloating(std::string* out, T value) {
 
 void AppendNumber(std::string* out, double value) { AppendFloating(out, value); }
 void AppendNumber(std::string* out, float value) { AppendFloating(out, value); }
+std::string NumberText(double value) {
+  std::string text;
+  AppendNumber(&text, value);
+  return text;
+}
 void AppendInteger(std::string* out, std::int64_t value) { Append(out, value); }
 
 void AppendRowLists(std::string* out, const std::vector<std::uint64_t>& invalid) {

@@ -11,6 +11,7 @@ namespace kdray::api {
 /// finite.
 void AppendNumber(std::string* out, double value);
 void AppendNumber(std::string* out, float value);
+std::string NumberText(double value);
 void AppendInteger(std::string* out, std::int64_t value);
 
 /// `"invalid":[…],"truncated":[]`, the end of every batch answer.

@@ -4,31 +4,17 @@
 #include <spdlog/details/thread_pool.h>
 #include <spdlog/sinks/sink.h>
 
-#include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <deque>
 #include <mutex>
 
+#include "core/base/hex.h"
+#include "server/http/time_text.h"
 #include "server/line_sink.h"
 
 namespace kdray::server {
 namespace {
-
-std::string TimeNow() {
-  using namespace std::chrono;
-  const auto now = system_clock::now();
-  const std::time_t seconds_now = system_clock::to_time_t(now);
-  const auto ms = duration_cast<milliseconds>(now.time_since_epoch()).count() % 1000;
-  std::tm utc{};
-  gmtime_r(&seconds_now, &utc);
-  char text[80];
-  std::snprintf(text, sizeof(text), "%04d-%02d-%02dT%02d:%02d:%02d.%03dZ", utc.tm_year + 1900,
-                utc.tm_mon + 1, utc.tm_mday, utc.tm_hour, utc.tm_min, utc.tm_sec,
-                static_cast<int>(ms));
-  return text;
-}
 
 /// Printable ASCII as it is, every other byte as \u00NN: a log must stay readable and one line
 /// whatever a client sends.
@@ -40,9 +26,8 @@ void AppendQuoted(std::string& out, std::string_view text) {
       out += '\\';
       out += c;
     } else if (byte < 0x20 || byte >= 0x7f) {
-      char escaped[8];
-      std::snprintf(escaped, sizeof(escaped), "\\u%04x", byte);
-      out += escaped;
+      out += "\\u00";
+      core::AppendHex(byte, &out);
     } else {
       out += c;
     }
@@ -78,7 +63,7 @@ std::string_view Name(LogLevel level) {
 
 std::string FormatLogLine(LogLevel level, std::string_view event,
                           std::initializer_list<LogField> fields) {
-  std::string line = "{\"time\":\"" + TimeNow() + "\",\"level\":\"";
+  std::string line = "{\"time\":\"" + Rfc3339(UnixMsNow()) + "\",\"level\":\"";
   line += Name(level);
   line += "\",\"event\":";
   AppendQuoted(line, event);

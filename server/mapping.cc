@@ -3,14 +3,13 @@
 #include <array>
 #include <charconv>
 #include <chrono>
-#include <cstdio>
-#include <ctime>
 #include <type_traits>
 #include <utility>
 
 #include "api/limits.h"
 #include "api/names.h"
 #include "core/base/enumerators.h"
+#include "server/http/time_text.h"
 #include "server/plan.h"
 
 namespace kdray::server {
@@ -215,7 +214,7 @@ api::TreeDescription ToApi(const core::TreeInfo& info) {
   description.id = record.id.ToString();
   description.ready = info.ready();
   description.progress = info.progress;
-  description.created_at = FormatTime(record.created_ms);
+  description.created_at = Rfc3339(record.created_ms);
   description.mesh_known = record.mesh.has_value();
   description.mesh =
       DescribeMesh(record.id.mesh, record.mesh_bytes, record.mesh ? &*record.mesh : nullptr);
@@ -224,18 +223,6 @@ api::TreeDescription ToApi(const core::TreeInfo& info) {
   }
   description.plan = DescribePlan(record);
   return description;
-}
-
-std::string FormatTime(std::int64_t unix_ms) {
-  const auto time = static_cast<std::time_t>(unix_ms >= 0 ? unix_ms / 1000 : 0);
-  const int ms = static_cast<int>(unix_ms >= 0 ? unix_ms % 1000 : 0);
-  std::tm utc{};
-  gmtime_r(&time, &utc);
-  char day[32];
-  std::strftime(day, sizeof day, "%Y-%m-%dT%H:%M:%S", &utc);
-  char text[48];
-  std::snprintf(text, sizeof text, "%s.%03dZ", day, ms);
-  return text;
 }
 
 std::string FormatCursor(const core::TreeInfo& info) {

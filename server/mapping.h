@@ -40,10 +40,8 @@ api::Precision ToApi(core::Precision precision);
 api::Outcome<core::TreeId> ToTreeId(std::string_view id);
 
 api::TreeDescription ToApi(const core::TreeInfo& info);
-/// Milliseconds since 1970 as RFC 3339, UTC.
-std::string FormatTime(std::int64_t unix_ms);
 
-/// A place in the list as the opaque `after`; nothing for a text that is none.
+/// A place in the list as the opaque `after`; nullopt if the text is not one of our cursors.
 std::string FormatCursor(const core::TreeInfo& info);
 std::optional<core::TreeLibrary::Position> ParseCursor(std::string_view cursor);
 

@@ -1,18 +1,12 @@
 #include "server/plan.h"
 
-#include <charconv>
-
+#include "api/json_text.h"
 #include "core/accel/build_kind.h"
 #include "core/geometry/power_of_two.h"
 #include "core/intersect/precision.h"
 
 namespace kdray::server {
 namespace {
-
-std::string Shortest(double value) {
-  char text[32];
-  return std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
-}
 
 std::string DescribeStructure(const core::TreeRecord& record, const core::MeshFacts& mesh,
                               core::BuildKind build) {
@@ -38,8 +32,8 @@ std::string DescribeVertices(const core::MeshFacts& mesh) {
   const core::Vec3d& o = mesh.frame.origin;
   text += ", in units of 2^" + std::to_string(mesh.frame.exponent);
   if (o != core::Vec3d{}) {
-    text += " around the local origin (" + Shortest(o.x) + ", " + Shortest(o.y) + ", " +
-            Shortest(o.z) + ")";
+    text += " around the local origin (" + api::NumberText(o.x) + ", " + api::NumberText(o.y) +
+            ", " + api::NumberText(o.z) + ")";
   }
   text += ". ";
   if (mesh.wider_than_declared) {
@@ -67,7 +61,8 @@ std::string DescribePrecision(const core::MeshFacts& mesh) {
   if (mesh.double_vertices) {
     // Local coordinates lie in [-1, 1], where a float is off by 2^-25 at most.
     text += "With watertight and fast, rays are answered on vertices rounded to float, by up to " +
-            Shortest(core::ScaleByPowerOfTwo(0x1p-25, mesh.frame.exponent)) + " on each axis. ";
+            api::NumberText(core::ScaleByPowerOfTwo(0x1p-25, mesh.frame.exponent)) +
+            " on each axis. ";
   }
   return text;
 }

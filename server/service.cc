@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "api/answer_codec.h"
+#include "core/base/hex.h"
 
 namespace kdray::server {
 namespace {
@@ -23,9 +24,10 @@ bool IsRequestId(std::string_view text) {
 
 std::string MakeRequestId() {
   thread_local std::mt19937_64 random{std::random_device{}()};
-  constexpr std::string_view kDigits = "0123456789abcdef";
   std::string id;
-  for (std::uint64_t bits = random(); id.size() < 16; bits >>= 4) id += kDigits[bits & 15];
+  for (std::uint64_t bits = random(); id.size() < 16; bits >>= 8) {
+    core::AppendHex(static_cast<std::uint8_t>(bits), &id);
+  }
   return id;
 }
 

@@ -1,6 +1,7 @@
 // The measured trade-off: from core's three lists to the contract's rows.
 #include <algorithm>
 
+#include "server/http/time_text.h"
 #include "server/mapping.h"
 
 namespace kdray::server {
@@ -43,7 +44,7 @@ api::Tradeoff ToApi(const core::MeasuredTradeoff& measured) {
   api::Tradeoff tradeoff;
   tradeoff.ready = true;
   tradeoff.progress = 1;
-  tradeoff.measured_at = FormatTime(measured.measured_ms);
+  tradeoff.measured_at = Rfc3339(measured.measured_ms);
   tradeoff.triangles = from.triangles;
   tradeoff.closed = from.closed;
   tradeoff.aimed_from_inside = from.from_inside;

@@ -5,6 +5,8 @@
 #include <new>
 #include <utility>
 
+#include "core/base/hex.h"
+
 namespace kdray::core {
 
 struct Sha256::State {
@@ -44,13 +46,9 @@ Sha256Digest HashBytes(std::span<const std::byte> bytes) {
 }
 
 std::string Sha256Digest::ToHex() const {
-  constexpr char kDigits[] = "0123456789abcdef";
   std::string hex;
   hex.reserve(2 * bytes.size());
-  for (const std::uint8_t byte : bytes) {
-    hex.push_back(kDigits[byte >> 4]);
-    hex.push_back(kDigits[byte & 15]);
-  }
+  for (const std::uint8_t byte : bytes) AppendHex(byte, &hex);
   return hex;
 }
 

@@ -1,5 +1,7 @@
 #include "core/io/mesh_error.h"
 
+#include "core/base/hex.h"
+
 namespace kdray::core {
 
 namespace {
@@ -38,16 +40,13 @@ bool IsOfTheFile(const Error& error) {
 
 std::string Quoted(std::string_view piece) {
   constexpr std::size_t kLongest = 40;
-  constexpr char kDigits[] = "0123456789abcdef";
   std::string text = "'";
   for (const char c : piece.substr(0, kLongest)) {
     if (c >= ' ' && c <= '~') {
       text += c;
     } else {
-      const auto byte = static_cast<unsigned char>(c);
       text += "\\x";
-      text += kDigits[byte >> 4];
-      text += kDigits[byte & 15];
+      AppendHex(static_cast<std::uint8_t>(c), &text);
     }
   }
   return text + (piece.size() > kLongest ? "...'" : "'");

@@ -32,12 +32,6 @@ std::uint64_t Pixels(const api::RenderRequest& request) {
   return area(request.region->x1 - request.region->x0, request.region->y1 - request.region->y0);
 }
 
-std::string NumberText(double value) {
-  std::string text;
-  api::AppendNumber(&text, value);
-  return text;
-}
-
 api::Outcome<HttpResponse> AnswerRender(const Services& services, Call& call,
                                         const api::RenderRequest& request, ImageForm form) {
   const std::uint64_t per_pixel =
@@ -64,8 +58,8 @@ api::Outcome<HttpResponse> AnswerRender(const Services& services, Call& call,
   call.timing.encode_ms = answer->encode_ms + encoding.ms();
   response.headers.Add("Content-Type", form == ImageForm::kPng ? "image/png" : "application/x-npy");
   response.headers.Add("Kdray-Precision", api::Name(answer->precision));
-  response.headers.Add("Kdray-Samples", NumberText(answer->samples));
-  if (answer->noise) response.headers.Add("Kdray-Noise", NumberText(*answer->noise));
+  response.headers.Add("Kdray-Samples", api::NumberText(answer->samples));
+  if (answer->noise) response.headers.Add("Kdray-Noise", api::NumberText(*answer->noise));
   response.headers.Add("Kdray-Stopped", api::Name(answer->stopped));
   return response;
 }

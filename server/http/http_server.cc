@@ -21,11 +21,9 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cerrno>
 #include <cstring>
-#include <ctime>
 #include <exception>
 #include <thread>
 #include <utility>
@@ -34,6 +32,7 @@
 #include "server/http/connection_pool.h"
 #include "server/http/departure_watch.h"
 #include "server/http/exchange.h"
+#include "server/http/time_text.h"
 
 namespace kdray::server {
 namespace {
@@ -44,23 +43,6 @@ using api::Problem;
 
 constexpr int kBacklog = 1024;
 constexpr std::size_t kStreamBytes = 64 * 1024;
-
-/// RFC 9110, 6.6.1: IMF-fixdate.
-std::string HttpDate() {
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  gmtime_r(&now, &utc);
-  // strftime's names depend on the locale; these must not.
-  constexpr std::array kDays = {"Sun", "Mon", "Tue", "Wed", "Thu", "Fri", "Sat"};
-  constexpr std::array kMonths = {"Jan", "Feb", "Mar", "Apr", "May", "Jun",
-                                  "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"};
-  char text[64];
-  std::snprintf(text, sizeof(text), "%s, %02d %s %d %02d:%02d:%02d GMT",
-                kDays[static_cast<std::size_t>(utc.tm_wday)], utc.tm_mday,
-                kMonths[static_cast<std::size_t>(utc.tm_mon)], utc.tm_year + 1900, utc.tm_hour,
-                utc.tm_min, utc.tm_sec);
-  return text;
-}
 
 /// All that the library's parser ever reads; Show() replaces what it makes of it.
 constexpr std::string_view kPlaceholder = "GET / HTTP/1.1\r\n\r\n";
@@ -197,7 +179,7 @@ class Responder final : private httplib::Server {
         answer.set_header(name, value);  // drops a value with CR or LF in it
       }
     }
-    answer.set_header("Date", HttpDate());
+    answer.set_header("Date", HttpDate(UnixMsNow()));
     if (response.body.size() > 0) {
       answer.set_content_provider(
           response.body.size(), content_type,

@@ -105,12 +105,6 @@ TEST(Mapping, BuildsAndPrecisionsGoBothWays) {
   }
 }
 
-TEST(Mapping, TimesAreRfc3339InUtcWithMilliseconds) {
-  EXPECT_EQ(FormatTime(0), "1970-01-01T00:00:00.000Z");
-  EXPECT_EQ(FormatTime(1'700'000'000'123), "2023-11-14T22:13:20.123Z");
-  EXPECT_EQ(FormatTime(951'782'400'007), "2000-02-29T00:00:00.007Z");
-}
-
 TEST(Mapping, ACursorComesBackAsItWasAndNothingElseIsOne) {
   core::TreeInfo info;
   info.record = ReadyRecord();
