@@ -1,17 +1,11 @@
 #include "api/field.h"
 
-#include <algorithm>
-
 #include "api/quoted.h"
 
 namespace kdray::api {
 
-Problem UnknownField(std::string_view name, const std::vector<std::string_view>& names,
-                     const std::vector<std::string_view>& later) {
-  const auto is_name = [&](std::string_view other) { return name == other; };
-  std::string detail = std::any_of(later.begin(), later.end(), is_name)
-                           ? Quoted(name) + " is not in this version"
-                           : "there is no " + Quoted(name) + " here";
+Problem UnknownField(std::string_view name, const std::vector<std::string_view>& names) {
+  std::string detail = "there is no " + Quoted(name) + " here";
   const char* before = names.empty() ? "; nothing is taken" : "; there are ";
   if (names.empty()) detail += before;
   for (const std::string_view known : names) {

@@ -36,8 +36,6 @@ struct Field {
 template <class Request>
 struct FieldTable {
   std::vector<Field<Request>> fields;
-  std::vector<std::string_view> later =
-      {};  ///< fields of the contract that are not in this version
 };
 
 namespace field_detail {
@@ -107,9 +105,8 @@ Field<Request> MemberField(std::string_view name, FieldKind kind, T Request::*me
 
 // ---- Whole requests ----
 
-/// "there is no parameter 'x' here; there are a, b"; `later` names have their own sentence.
-Problem UnknownField(std::string_view name, const std::vector<std::string_view>& names,
-                     const std::vector<std::string_view>& later);
+/// "there is no 'x' here; there are a, b".
+Problem UnknownField(std::string_view name, const std::vector<std::string_view>& names);
 Problem MissingField(std::string_view name, const FieldKind& kind);
 
 template <class Request>
@@ -125,7 +122,7 @@ Problem UnknownField(const FieldTable<Request>& table, std::string_view name) {
   std::vector<std::string_view> names;
   names.reserve(table.fields.size());
   for (const Field<Request>& field : table.fields) names.push_back(field.name);
-  return UnknownField(name, names, table.later);
+  return UnknownField(name, names);
 }
 
 /// Fills a Request from a query; absent fields keep their defaults.

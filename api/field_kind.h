@@ -37,9 +37,9 @@ struct IntegersKind {
   std::size_t count = 0;
   std::int64_t min = 0, max = 0;
 };
-/// One of `names`. `later` are names of the contract that are not in this version.
+/// One of `names`.
 struct ChoiceKind {
-  std::span<const std::string_view> names, later = {};
+  std::span<const std::string_view> names;
 };
 /// At least one of `names`, each at most once, separated by commas.
 struct ChoicesKind {

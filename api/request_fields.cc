@@ -1,7 +1,6 @@
 #include "api/request_fields.h"
 
 #include <algorithm>
-#include <array>
 #include <limits>
 #include <string_view>
 
@@ -10,9 +9,6 @@
 
 namespace kdray::api {
 namespace {
-
-/// Modes of the contract that this version does not have.
-constexpr std::array<std::string_view, 2> kLaterModes = {"ambient-occlusion", "cost"};
 
 constexpr ChoiceKind kPrecisionKind = {kPrecisionNames};
 constexpr TextKind kSha256Kind = {IsSha256, "a SHA-256 as 64 lower-case hexadecimal digits"};
@@ -103,30 +99,28 @@ FieldTable<RayOptions> ClosestFields(const Limits& limits) {
 FieldTable<RenderRequest> RenderFields(const Limits& limits) {
   using R = RenderRequest;
   constexpr double kInfinity = std::numeric_limits<double>::max();
-  return {
-      {
-          MemberField("width", IntegerKind{1, kMaxWholeSide}, &R::width),
-          MemberField("height", IntegerKind{1, kMaxWholeSide}, &R::height),
-          MemberField("projection", ChoiceKind{kProjectionNames}, &R::projection),
-          MemberField("eye", VectorKind{}, &R::eye),
-          MemberField("target", VectorKind{}, &R::target),
-          MemberField("up", VectorKind{}, &R::up),
-          MemberField("fov_deg", NumberKind{0, 180, true, true}, &R::fov_deg),
-          MemberField("view_height", NumberKind{0, kInfinity, true}, &R::view_height),
-          MemberField("mode", ChoiceKind{kRenderModeNames, kLaterModes}, &R::mode),
-          MemberField("samples", UpTo(1, limits.max_samples), &R::samples),
-          MemberField("precision", kPrecisionKind, &R::precision),
-          MemberField("color", VectorKind{0, 1}, &R::color),
-          BackgroundField(),
-          MemberField("cells_depth", IntegerKind{0, kMaxDepth}, &R::cells_depth),
-          MemberField("region", IntegersKind{4, 0, kMaxWholeSide}, &R::region),
-          MemberField("seed", IntegerKind{0, std::numeric_limits<std::int64_t>::max()}, &R::seed),
-          MemberField("budget_ms", UpTo(1, limits.max_deadline_ms), &R::budget_ms),
-          MemberField("max_noise", NumberKind{0, 1, true}, &R::max_noise),
-          MemberField("max_samples", UpTo(1, limits.max_samples), &R::max_samples),
-          DeadlineField<R>(limits),
-      },
-      {"lights", "shadows", "smooth", "ao_radius"}};
+  return {{
+      MemberField("width", IntegerKind{1, kMaxWholeSide}, &R::width),
+      MemberField("height", IntegerKind{1, kMaxWholeSide}, &R::height),
+      MemberField("projection", ChoiceKind{kProjectionNames}, &R::projection),
+      MemberField("eye", VectorKind{}, &R::eye),
+      MemberField("target", VectorKind{}, &R::target),
+      MemberField("up", VectorKind{}, &R::up),
+      MemberField("fov_deg", NumberKind{0, 180, true, true}, &R::fov_deg),
+      MemberField("view_height", NumberKind{0, kInfinity, true}, &R::view_height),
+      MemberField("mode", ChoiceKind{kRenderModeNames}, &R::mode),
+      MemberField("samples", UpTo(1, limits.max_samples), &R::samples),
+      MemberField("precision", kPrecisionKind, &R::precision),
+      MemberField("color", VectorKind{0, 1}, &R::color),
+      BackgroundField(),
+      MemberField("cells_depth", IntegerKind{0, kMaxDepth}, &R::cells_depth),
+      MemberField("region", IntegersKind{4, 0, kMaxWholeSide}, &R::region),
+      MemberField("seed", IntegerKind{0, std::numeric_limits<std::int64_t>::max()}, &R::seed),
+      MemberField("budget_ms", UpTo(1, limits.max_deadline_ms), &R::budget_ms),
+      MemberField("max_noise", NumberKind{0, 1, true}, &R::max_noise),
+      MemberField("max_samples", UpTo(1, limits.max_samples), &R::max_samples),
+      DeadlineField<R>(limits),
+  }};
 }
 
 }  // namespace kdray::api
