@@ -13,7 +13,7 @@ namespace {
 constexpr ChoiceKind kPrecisionKind = {kPrecisionNames};
 constexpr TextKind kSha256Kind = {IsSha256, "a SHA-256 as 64 lower-case hexadecimal digits"};
 
-/// The engine knows which cursors it made; here only what could harm a log line is kept out.
+/// The backend knows its cursors; this check only keeps out what could harm a log line.
 bool IsCursor(std::string_view text) {
   return text.size() <= 256 &&
          std::all_of(text.begin(), text.end(), [](char c) { return c > ' ' && c < '\x7f'; });

@@ -9,7 +9,7 @@
 
 #include "api/limits.h"
 #include "server/admission.h"
-#include "server/engine.h"
+#include "server/backend.h"
 #include "server/http/message.h"
 #include "server/request_memory.h"
 
@@ -37,7 +37,7 @@ class Stopwatch {
 
 /// What every handler may use; all of it safe from many threads at once.
 struct Services {
-  Engine& engine;
+  Backend& backend;
   const api::Limits& limits;
   Admission& admission;
   RequestMemory& memory;

@@ -27,7 +27,7 @@ struct Config {
   std::int64_t drain_timeout_ms = 25000;
 
   /// Meshes, trees and builds get three quarters of the memory, requests under way the rest.
-  std::uint64_t EngineMemoryBytes() const { return memory_limit_bytes / 4 * 3; }
+  std::uint64_t BackendMemoryBytes() const { return memory_limit_bytes / 4 * 3; }
   std::uint64_t RequestMemoryBytes() const { return memory_limit_bytes / 4; }
 };
 

@@ -1,4 +1,4 @@
-// kdrayd: reads its options, starts the engine and the server, and ends both when told to.
+// kdrayd: reads its options, starts the backend and the server, and ends both when told to.
 #include <unistd.h>
 
 #include <csignal>
@@ -12,7 +12,7 @@
 
 #include "core/base/fp_environment.h"
 #include "server/config.h"
-#include "server/core_engine.h"
+#include "server/core_backend.h"
 #include "server/http/http_server.h"
 #include "server/log.h"
 #include "server/service.h"
@@ -40,7 +40,7 @@ int Fail(const Log& log, const std::string& message) {
 }
 
 /// What the start found in the data directory and left as it was.
-void LogFindings(const Log& log, const EngineCounters& counters) {
+void LogFindings(const Log& log, const BackendCounters& counters) {
   if (counters.unrecorded_meshes != 0) {
     log.Write(LogLevel::kWarning, "unrecorded_meshes",
               {{"count", counters.unrecorded_meshes},
@@ -86,22 +86,22 @@ int Run(const Config& config) {
   }
   auto tokens = ReadTokens(config.token_file);
   if (!tokens) return Fail(log, tokens.error().message);
-  auto engine = MakeCoreEngine({.data_dir = config.data_dir,
-                                .threads = config.threads,
-                                .memory_limit_bytes = config.EngineMemoryBytes(),
-                                .store_limit_bytes = config.store_limit_bytes,
-                                .limits = config.limits});
-  if (!engine) {
-    return Fail(log, "data directory " + config.data_dir.string() + ": " + engine.error().message);
+  auto backend = MakeCoreBackend({.data_dir = config.data_dir,
+                                  .threads = config.threads,
+                                  .memory_limit_bytes = config.BackendMemoryBytes(),
+                                  .store_limit_bytes = config.store_limit_bytes,
+                                  .limits = config.limits});
+  if (!backend) {
+    return Fail(log, "data directory " + config.data_dir.string() + ": " + backend.error().message);
   }
-  LogFindings(log, (*engine)->counters());
+  LogFindings(log, (*backend)->counters());
 
   Service service({.limits = config.limits,
                    .max_running = config.max_running,
                    .max_queued = config.max_queued,
                    .request_memory_bytes = config.RequestMemoryBytes(),
                    .tokens = *std::move(tokens)},
-                  **engine, log);
+                  **backend, log);
   HttpServerOptions http;
   http.host = config.host;
   http.port = config.port;
@@ -122,7 +122,7 @@ int Run(const Config& config) {
   const bool finished = server.WaitUntilIdle(std::chrono::steady_clock::now() +
                                              std::chrono::milliseconds(config.drain_timeout_ms));
   server.Stop();
-  (*engine)->Shutdown();
+  (*backend)->Shutdown();
   log.Write(LogLevel::kInfo, "stopped", {{"finished", finished}});
   return 0;
 }

@@ -73,12 +73,12 @@ api::Check CheckContentEncoding(const HttpRequest& request) {
 
 }  // namespace
 
-Service::Service(ServiceOptions options, Engine& engine, const Log& log)
+Service::Service(ServiceOptions options, Backend& backend, const Log& log)
     : options_(std::move(options)),
       log_(log),
       admission_(options_.max_running, options_.max_queued),
       memory_(options_.request_memory_bytes),
-      services_{.engine = engine,
+      services_{.backend = backend,
                 .limits = options_.limits,
                 .admission = admission_,
                 .memory = memory_,

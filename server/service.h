@@ -10,8 +10,8 @@
 
 #include "api/limits.h"
 #include "server/admission.h"
+#include "server/backend.h"
 #include "server/bearer_tokens.h"
-#include "server/engine.h"
 #include "server/http/message.h"
 #include "server/log.h"
 #include "server/request_memory.h"
@@ -31,8 +31,8 @@ struct ServiceOptions {
 
 class Service final : public HttpHandler {
  public:
-  /// `engine` and `log` must outlive the service.
-  Service(ServiceOptions options, Engine& engine, const Log& log);
+  /// `backend` and `log` must outlive the service.
+  Service(ServiceOptions options, Backend& backend, const Log& log);
 
   HttpResponse Handle(const HttpRequest& request) override;
   HttpResponse Refuse(const HttpRequest& request, const api::Problem& problem) override;

@@ -19,7 +19,7 @@ constexpr TimeLimit kTimeLimit{.ms = 30000, .default_ms = 30000, .parameter = {}
 api::Outcome<HttpResponse> GetCells(const Services& services, Call& call) {
   const auto request = api::DecodeCells(call.request.query, services.limits);
   if (!request) return request.problem();
-  if (auto problem = services.engine.Find(call.name)) return *std::move(problem);
+  if (auto problem = services.backend.Find(call.name)) return *std::move(problem);
   const std::string etag = MakeEtag("cells", call.name, api::CanonicalQuery(*request));
   if (ClientHas(call.request, etag)) return NotModified(services, etag, Caching::kHour);
 

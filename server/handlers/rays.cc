@@ -18,7 +18,7 @@ template <class Trace, class Encode>
 api::Outcome<HttpResponse> AnswerBatch(const Services& services, Call& call,
                                        const api::RayOptions& options, const Trace& trace,
                                        const Encode& encode) {
-  if (auto problem = services.engine.Find(call.name)) return *std::move(problem);
+  if (auto problem = services.backend.Find(call.name)) return *std::move(problem);
   auto body = ReadWholeBody(services, call, services.limits.MaxBatchBytes());
   if (!body) return std::move(body).problem();
   const HttpHeaders& headers = call.request.headers;

@@ -72,7 +72,7 @@ bool IsCut(const HttpResponse& response) {
 api::Outcome<HttpResponse> Get(const Services& services, Call& call, ImageForm form) {
   const auto request = api::DecodeRenderQuery(call.request.query, form, services.limits);
   if (!request) return request.problem();
-  if (auto problem = services.engine.Find(call.name)) return *std::move(problem);
+  if (auto problem = services.backend.Find(call.name)) return *std::move(problem);
   const std::string etag = MakeEtag(form == ImageForm::kPng ? "render.png" : "render.npy",
                                     call.name, api::CanonicalQuery(*request));
   if (ClientHas(call.request, etag)) return NotModified(services, etag, Caching::kHour);
@@ -88,7 +88,7 @@ api::Outcome<HttpResponse> Get(const Services& services, Call& call, ImageForm f
   return response;
 }
 
-/// The engine names a field; in a JSON body the field is a pointer.
+/// The backend names a field; in a JSON body the field is a pointer.
 api::Problem WithPointer(api::Problem problem) {
   if (problem.parameter && !problem.parameter->starts_with('/')) {
     problem.parameter = api::PointerStep(*problem.parameter);
@@ -98,7 +98,7 @@ api::Problem WithPointer(api::Problem problem) {
 
 api::Outcome<HttpResponse> Post(const Services& services, Call& call, ImageForm form) {
   if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
-  if (auto problem = services.engine.Find(call.name)) return *std::move(problem);
+  if (auto problem = services.backend.Find(call.name)) return *std::move(problem);
   const auto body = ReadWholeBody(services, call, services.limits.max_json_body_bytes);
   if (!body) return body.problem();
   const Stopwatch parsing;

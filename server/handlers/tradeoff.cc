@@ -17,7 +17,7 @@ api::Outcome<HttpResponse> AnswerWithin(const Services& services, const Call& ca
                                         std::int64_t wait_ms, Caching caching) {
   const auto cancel = CancelToken::Cancellable();
   const auto watch = call.request.peer->CancelWhenGone(cancel);
-  const auto tradeoff = services.engine.WaitForTradeoff(
+  const auto tradeoff = services.backend.WaitForTradeoff(
       call.name, std::chrono::steady_clock::now() + std::chrono::milliseconds(wait_ms), cancel);
   if (!tradeoff) return tradeoff.problem();
   HttpResponse response = JsonAnswer(tradeoff->ready ? 200 : 202, api::EncodeTradeoff(*tradeoff));
@@ -31,7 +31,7 @@ api::Outcome<HttpResponse> PostTradeoff(const Services& services, Call& call) {
   const auto request = api::DecodeMeasure(call.request.query, services.limits);
   if (!request) return request.problem();
   if (auto problem = RefuseBody(call)) return *std::move(problem);
-  if (auto problem = services.engine.Measure(call.name)) return *std::move(problem);
+  if (auto problem = services.backend.Measure(call.name)) return *std::move(problem);
   return AnswerWithin(services, call, request->wait_ms, Caching::kNever);
 }
 
@@ -43,7 +43,7 @@ api::Outcome<HttpResponse> GetTradeoff(const Services& services, Call& call) {
 
 api::Outcome<HttpResponse> DeleteTradeoff(const Services& services, Call& call) {
   if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
-  if (auto problem = services.engine.ForgetTradeoff(call.name)) return *std::move(problem);
+  if (auto problem = services.backend.ForgetTradeoff(call.name)) return *std::move(problem);
   HttpResponse response;
   response.status = 204;
   SetCaching(response, services, Caching::kNever);

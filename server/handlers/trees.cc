@@ -36,7 +36,7 @@ api::Outcome<MeshUpload::Stored> StoreBody(const Services& services, const Call&
   }
   if (size == 0) return Problem{.code = ErrorCode::kEmptyMesh, .detail = "the body is empty"};
 
-  auto upload = services.engine.BeginUpload(size);
+  auto upload = services.backend.BeginUpload(size);
   if (!upload) return std::move(upload).problem();
   std::vector<std::byte> piece(std::min<std::uint64_t>(size, kUploadPieceBytes));
   for (std::uint64_t taken = 0; taken < size;) {
@@ -54,17 +54,17 @@ api::Outcome<MeshUpload::Stored> Store(const Services& services, const Call& cal
                                        const api::UploadRequest& request) {
   if (!request.mesh) return StoreBody(services, call, request.build);
   if (auto problem = RefuseBody(call)) return *std::move(problem);
-  return services.engine.BuildStored(*request.mesh, request.build);
+  return services.backend.BuildStored(*request.mesh, request.build);
 }
 
 /// Describes the tree once it is built, or when the client has waited long enough.
 api::Outcome<api::TreeDescription> DescribeWithin(const Services& services, const Call& call,
                                                   std::string_view id, std::int64_t wait_ms) {
   const auto now = std::chrono::steady_clock::now();
-  if (wait_ms == 0) return services.engine.Describe(id, now, CancelToken());
+  if (wait_ms == 0) return services.backend.Describe(id, now, CancelToken());
   const auto cancel = CancelToken::Cancellable();
   const auto watch = call.request.peer->CancelWhenGone(cancel);
-  return services.engine.Describe(id, now + std::chrono::milliseconds(wait_ms), cancel);
+  return services.backend.Describe(id, now + std::chrono::milliseconds(wait_ms), cancel);
 }
 
 }  // namespace
@@ -94,8 +94,8 @@ api::Outcome<HttpResponse> PostTree(const Services& services, Call& call) {
 api::Outcome<HttpResponse> ListTrees(const Services& services, Call& call) {
   const auto request = api::DecodeList(call.request.query, services.limits);
   if (!request) return request.problem();
-  const auto page =
-      services.engine.List(request->mesh, static_cast<std::size_t>(request->limit), request->after);
+  const auto page = services.backend.List(request->mesh, static_cast<std::size_t>(request->limit),
+                                          request->after);
   if (!page) return page.problem();
   HttpResponse response = JsonAnswer(200, api::EncodePage(*page));
   SetCaching(response, services, Caching::kRevalidate);
@@ -114,7 +114,7 @@ api::Outcome<HttpResponse> GetTree(const Services& services, Call& call) {
 
 api::Outcome<HttpResponse> DeleteTree(const Services& services, Call& call) {
   if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
-  if (auto problem = services.engine.Delete(call.name)) return *std::move(problem);
+  if (auto problem = services.backend.Delete(call.name)) return *std::move(problem);
   HttpResponse response;
   response.status = 204;
   SetCaching(response, services, Caching::kNever);
@@ -125,7 +125,7 @@ api::Outcome<HttpResponse> GetMesh(const Services& services, Call& call) {
   if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
   const auto cancel = CancelToken::Cancellable();
   const auto watch = call.request.peer->CancelWhenGone(cancel);
-  auto opened = services.engine.OpenMesh(call.name, cancel);
+  auto opened = services.backend.OpenMesh(call.name, cancel);
   if (!opened) return std::move(opened).problem();
   // The id begins with the digest of these very bytes.
   const std::string etag = Quoted(call.name.substr(0, call.name.find('-')));

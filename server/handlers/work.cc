@@ -35,7 +35,7 @@ api::Outcome<Work> BeginWork(const Services& services, Call& call, TreeUse use,
                                           std::chrono::milliseconds(limit.ms));
   auto watch = call.request.peer->CancelWhenGone(cancel);
   // A request that waits for its tree computes nothing: it takes no turn from others.
-  auto tree = services.engine.Acquire(call.name, use, cancel);
+  auto tree = services.backend.Acquire(call.name, use, cancel);
   if (!tree) return limit.Explain(std::move(tree).problem());
   auto turn = services.admission.Enter(cancel);
   if (!turn) return limit.Explain(std::move(turn).problem());

@@ -1,4 +1,4 @@
-// The way of every query, render and list of cells to the engine: the tree is built, the client is
+// The way of every query, render and list of cells to the backend: the tree is built, the client is
 // there, it is its turn.
 #pragma once
 
@@ -21,7 +21,7 @@ struct TimeLimit {
   api::Problem Explain(api::Problem problem) const;
 };
 
-/// What must live while the engine works for a request.
+/// What must live while the backend works for a request.
 struct Work {
   CancelToken cancel;           ///< the deadline, and the client's departure
   std::shared_ptr<void> watch;  ///< for the departure

@@ -8,7 +8,7 @@
 #include <limits>
 #include <string>
 
-#include "server/core_engine.h"
+#include "server/core_backend.h"
 #include "tests/support/obj_text.h"
 #include "tests/support/service_fixture.h"
 #include "tests/support/shapes.h"
@@ -26,10 +26,10 @@ using testing::HasSubstr;
 class N24JsonNumbers : public testing::Test {
  protected:
   N24JsonNumbers() {
-    CoreEngineOptions options;
+    CoreBackendOptions options;
     options.data_dir = folder_.path() / "data";
-    engine_ = MakeCoreEngine(options).value();
-    running_ = std::make_unique<RunningService>(*engine_);
+    backend_ = MakeCoreBackend(options).value();
+    running_ = std::make_unique<RunningService>(*backend_);
     // The sides of the box are at 3, at a third, and at 2^53.
     core::MeshData box = test::Cube({0, 0, 0}, 1);
     for (core::Vec3d& v : box.vertices)
@@ -38,14 +38,14 @@ class N24JsonNumbers : public testing::Test {
   }
   ~N24JsonNumbers() override {
     running_.reset();
-    engine_->Shutdown();
+    backend_->Shutdown();
   }
   RawAnswer Ask(const std::string& ray, const std::string& query = "") {
     return running_->Ask("POST", path_ + query, "{\"rays\":[" + ray + "]}");
   }
 
   test::TemporaryFolder folder_;
-  std::unique_ptr<CoreEngine> engine_;
+  std::unique_ptr<CoreBackend> backend_;
   std::unique_ptr<RunningService> running_;
   std::string path_;
 };

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "api/names.h"
-#include "server/core_engine.h"
+#include "server/core_backend.h"
 #include "tests/support/npy_array.h"
 #include "tests/support/obj_text.h"
 #include "tests/support/seed.h"
@@ -102,11 +102,11 @@ TEST(N20SameBytes, TheFormOfTheRequestAndWhereTheTreeWasChangeNoBit) {
   const test::TemporaryFolder folder;
   std::map<std::string, std::vector<Row>> want;  // by precision
   for (const bool from_disk : {false, true}) {
-    CoreEngineOptions options;
+    CoreBackendOptions options;
     options.data_dir = folder.path() / "data";
     options.threads = from_disk ? 4 : 1;
-    const auto engine = MakeCoreEngine(options).value();
-    RunningService running(*engine);
+    const auto backend = MakeCoreBackend(options).value();
+    RunningService running(*backend);
     for (const std::string build : {"kd-sah", "bvh"}) {
       const std::string path =
           "/v1/trees/" + running.Upload(mesh, "?build=" + build) + "/rays/closest";
@@ -130,8 +130,8 @@ TEST(N20SameBytes, TheFormOfTheRequestAndWhereTheTreeWasChangeNoBit) {
         }
       }
     }
-    EXPECT_EQ(engine->counters().loads, from_disk ? 2u : 0u);
-    engine->Shutdown();
+    EXPECT_EQ(backend->counters().loads, from_disk ? 2u : 0u);
+    backend->Shutdown();
   }
 }
 

@@ -1,4 +1,4 @@
-// The contract over a real socket, with an engine that has no geometry: every endpoint, every kind
+// The contract over a real socket, with a backend that has no geometry: every endpoint, every kind
 // of refusal.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,9 +13,9 @@
 
 #include "api/errors.h"
 #include "server/pages/viewer_files.h"
+#include "tests/support/fake_backend.h"
 #include "tests/support/npy_array.h"
 #include "tests/support/service_fixture.h"
-#include "tests/support/stub_engine.h"
 
 namespace kdray::server {
 namespace {
@@ -39,8 +39,8 @@ std::string NpyRays(const std::vector<float>& numbers) { return test::NpyArray(n
 class ServiceOverHttp : public testing::Test {
  protected:
   explicit ServiceOverHttp(ServiceOptions options = {}, HttpServerOptions http = {})
-      : running_(engine_, std::move(options), std::move(http)) {}
-  ~ServiceOverHttp() override { engine_.hold = false; }
+      : running_(backend_, std::move(options), std::move(http)) {}
+  ~ServiceOverHttp() override { backend_.hold = false; }
 
   std::string Tree(const std::string& path) {
     if (id_.empty()) id_ = running_.Upload("mesh");
@@ -51,7 +51,7 @@ class ServiceOverHttp : public testing::Test {
     ASSERT_TRUE(condition());
   }
 
-  test::StubEngine engine_;
+  test::FakeBackend backend_;
   RunningService running_;
   std::string id_;
 };
@@ -97,7 +97,7 @@ TEST_F(ServiceOverHttp, AnswersBeforeTheTreeIsBuiltWhenTheClientDoesNotWait) {
   const std::string path = answer.Header("location");
   EXPECT_EQ(Json(running_.Ask("GET", path)).at("state"), "building");
   EXPECT_EQ(Json(running_.Ask("GET", path + "?wait_ms=20")).at("state"), "building");
-  engine_.finish_builds = true;
+  backend_.finish_builds = true;
   EXPECT_EQ(Json(running_.Ask("GET", path + "?wait_ms=60000")).at("state"), "ready");
 }
 
@@ -110,7 +110,7 @@ TEST_F(ServiceOverHttp, AnswersAQueryOnATreeThatIsBeingBuiltWithinItsDeadline) {
   EXPECT_EQ(early.Header("retry-after"), "1");
   std::jthread finisher([this] {
     std::this_thread::sleep_for(50ms);
-    engine_.finish_builds = true;
+    backend_.finish_builds = true;
   });
   EXPECT_EQ(running_.Ask("POST", "/v1/trees/" + id + "/rays/any", kRays).status, 200);
 }
@@ -252,14 +252,14 @@ TEST_F(ServiceOverHttp, AnswersARenderThatTheClientHasWithoutRendering) {
   const RawAnswer first = running_.Ask("GET", Tree("/render.png?width=10&height=5"));
   const std::string etag = first.Header("etag");
   EXPECT_THAT(etag, testing::MatchesRegex("\"[0-9a-f]+\""));
-  const int renders = engine_.renders;
+  const int renders = backend_.renders;
   const std::string condition = "If-None-Match: " + etag + "\r\n";
   const RawAnswer same =
       running_.Ask("GET", Tree("/render.png?height=5&width=10&samples=1"), "", condition);
   EXPECT_EQ(same.status, 304);
   EXPECT_EQ(same.Header("etag"), etag);
   EXPECT_EQ(same.Header("cache-control"), "public, max-age=3600");
-  EXPECT_EQ(engine_.renders, renders);
+  EXPECT_EQ(backend_.renders, renders);
   EXPECT_EQ(running_.Ask("GET", Tree("/render.png?height=6&width=10"), "", condition).status, 200);
   EXPECT_EQ(running_.Ask("GET", Tree("/render.npy?height=5&width=10"), "", condition).status, 200);
   EXPECT_EQ(running_.Ask("HEAD", Tree("/render.png?width=10&height=5")).Header("etag"), etag);
@@ -303,14 +303,14 @@ TEST_F(ServiceOverHttp, MeasuresATradeoffWhenItIsAskedTo) {
   EXPECT_EQ(running_.Code("DELETE", path), "not_measured");
   EXPECT_EQ(running_.Code("POST", path, "body"), "malformed_request");
 
-  engine_.hold = true;
+  backend_.hold = true;
   const RawAnswer begun = running_.Ask("POST", path + "?wait_ms=0");
   EXPECT_EQ(begun.status, 202);
   EXPECT_EQ(Json(begun), json({{"state", "measuring"}, {"progress", 0.5}}));
   EXPECT_EQ(begun.Header("cache-control"), "no-store");
   EXPECT_EQ(running_.Ask("GET", path).status, 202);
 
-  engine_.hold = false;
+  backend_.hold = false;
   const RawAnswer ended = running_.Ask("GET", path);
   EXPECT_EQ(ended.status, 200);
   EXPECT_EQ(Json(ended).at("results").size(), 24U);
@@ -526,7 +526,7 @@ TEST_F(ServiceOverHttp, KnowsNoTreeThatIsNotThere) {
 }
 
 TEST_F(ServiceOverHttp, EndsAQueryAtItsDeadline) {
-  engine_.hold = true;
+  backend_.hold = true;
   const auto start = std::chrono::steady_clock::now();
   EXPECT_EQ(running_.Code("POST", Tree("/rays/any?deadline_ms=50"), kRays), "deadline_exceeded");
   EXPECT_EQ(running_.Code("GET", Tree("/render.png?deadline_ms=50")), "deadline_exceeded");
@@ -535,7 +535,7 @@ TEST_F(ServiceOverHttp, EndsAQueryAtItsDeadline) {
 
 TEST_F(ServiceOverHttp, SaysWhichTimeHasPassed) {
   const std::string building = "/v1/trees/" + running_.Upload("building", "?wait_ms=0");
-  engine_.hold = true;
+  backend_.hold = true;
   const std::string json_render = R"({"deadline_ms":34})";
   const auto expect = [](const RawAnswer& answer, const std::string& code,
                          const std::string& parameter, double limit, const std::string& text) {
@@ -559,7 +559,8 @@ TEST_F(ServiceOverHttp, SaysWhichTimeHasPassed) {
   expect(running_.Ask("GET", building + "/render.png?deadline_ms=36"), "tree_building",
          "deadline_ms", 36, "deadline_ms is 36");
   // What was not sent is told as well.
-  engine_.query_problem = api::Problem{.code = api::ErrorCode::kDeadlineExceeded, .detail = "late"};
+  backend_.query_problem =
+      api::Problem{.code = api::ErrorCode::kDeadlineExceeded, .detail = "late"};
   expect(running_.Ask("POST", Tree("/rays/any"), kRays), late, "deadline_ms", 30000,
          "deadline_ms is 30000, the default");
   expect(running_.Ask("GET", Tree("/render.png")), late, "deadline_ms", 60000,
@@ -568,10 +569,10 @@ TEST_F(ServiceOverHttp, SaysWhichTimeHasPassed) {
 }
 
 TEST_F(SmallService, SaysWhichTimeHasPassedInTheQueue) {
-  engine_.hold = true;
+  backend_.hold = true;
   RawClient running(running_.port());
   running.Send(MakeRequest("GET", Tree("/cells?depth=1")));
-  WaitFor([&] { return engine_.running == 1; });
+  WaitFor([&] { return backend_.running == 1; });
   const RawAnswer late = running_.Ask("GET", Tree("/render.png?width=1&height=1&deadline_ms=37"));
   EXPECT_EQ(RunningService::CodeOf(late), "deadline_exceeded");
   EXPECT_EQ(Json(late).at("parameter"), "deadline_ms");
@@ -582,7 +583,7 @@ TEST_F(SmallService, SaysWhichTimeHasPassedInTheQueue) {
 
 TEST_F(ServiceOverHttp, TellsThatAClientHasLeftFromWhatFailed) {
   const std::string building = running_.Upload("building", "?wait_ms=0");
-  engine_.hold = true;
+  backend_.hold = true;
   const std::string tree = "/v1/trees/" + building;
   const std::vector<std::string> requests = {
       MakeRequest("POST", "/v1/trees?wait_ms=20000", "building"),
@@ -608,7 +609,7 @@ TEST_F(ServiceOverHttp, TellsThatAClientHasLeftFromWhatFailed) {
 
 TEST_F(ServiceOverHttp, AnswersAClientThatHalfClosesWhateverItAsksFor) {
   const std::string building = running_.Upload("building", "?wait_ms=0");
-  engine_.hold = true;
+  backend_.hold = true;
   for (const std::string& request :
        {MakeRequest("GET", "/v1/trees/" + building + "?wait_ms=100"),
         MakeRequest("POST", Tree("/rays/any"), kRays), MakeRequest("GET", Tree("/render.png")),
@@ -617,24 +618,24 @@ TEST_F(ServiceOverHttp, AnswersAClientThatHalfClosesWhateverItAsksFor) {
     client.Send(request);
     client.ShutdownWrite();
     std::this_thread::sleep_for(50ms);
-    engine_.hold = false;
+    backend_.hold = false;
     EXPECT_THAT(client.ReadToEnd(), StartsWith("HTTP/1.1 200 OK\r\n"));
-    engine_.hold = true;
+    backend_.hold = true;
   }
 }
 
 TEST_F(ServiceOverHttp, StopsWorkWhoseClientHasLeft) {
-  engine_.hold = true;
+  backend_.hold = true;
   for (const std::string& request :
        {MakeRequest("POST", Tree("/rays/closest"), kRays), MakeRequest("GET", Tree("/render.png")),
         MakeRequest("GET", Tree("/cells?depth=1"))}) {
-    const int cancelled = engine_.cancelled;
+    const int cancelled = backend_.cancelled;
     RawClient client(running_.port());
     client.Send(request);
-    WaitFor([&] { return engine_.running == 1; });
+    WaitFor([&] { return backend_.running == 1; });
     const auto left = std::chrono::steady_clock::now();
     client.Close();
-    WaitFor([&] { return engine_.cancelled == cancelled + 1; });
+    WaitFor([&] { return backend_.cancelled == cancelled + 1; });
     EXPECT_LT(std::chrono::steady_clock::now() - left, 250ms) << request;
   }
 }
@@ -673,10 +674,10 @@ TEST_F(ServiceOverHttp, LeavesNothingOfAnUploadThatBreaksOff) {
 
 TEST_F(ServiceOverHttp, DrainsBeforeItEnds) {
   const std::string query = MakeRequest("POST", Tree("/rays/any"), kRays);
-  engine_.hold = true;
+  backend_.hold = true;
   RawClient busy(running_.port());
   busy.Send(query);
-  WaitFor([&] { return engine_.running == 1; });
+  WaitFor([&] { return backend_.running == 1; });
   running_.service().Drain();
   running_.server().Drain();
   EXPECT_EQ(running_.Ask("GET", "/healthz").status, 200);
@@ -684,7 +685,7 @@ TEST_F(ServiceOverHttp, DrainsBeforeItEnds) {
   const RawAnswer refused = running_.Ask("GET", "/v1/trees");
   EXPECT_EQ(RunningService::CodeOf(refused), "draining");
   EXPECT_NE(refused.Header("retry-after"), "");
-  engine_.hold = false;
+  backend_.hold = false;
   EXPECT_EQ(busy.Read()->status, 200);
   EXPECT_TRUE(running_.server().WaitUntilIdle(std::chrono::steady_clock::now() + 5s));
 }
@@ -710,12 +711,12 @@ TEST_F(SmallService, AnswersAtTheLimitsAndRefusesBeyond) {
 
 TEST_F(SmallService, QueuesAsManyAsItSaysAndRefusesTheRestAtOnce) {
   const std::string path = Tree("/rays/any");
-  engine_.hold = true;
+  backend_.hold = true;
   // Bodies of nothing but a few bytes, so that only the queue is full, not the memory.
   RawClient running(running_.port()), queued(running_.port());
   const std::string cells = MakeRequest("GET", Tree("/cells?depth=1"));
   running.Send(cells);
-  WaitFor([&] { return engine_.running == 1; });
+  WaitFor([&] { return backend_.running == 1; });
   queued.Send(cells);
   std::this_thread::sleep_for(50ms);
   const auto start = std::chrono::steady_clock::now();
@@ -725,27 +726,27 @@ TEST_F(SmallService, QueuesAsManyAsItSaysAndRefusesTheRestAtOnce) {
   EXPECT_EQ(RunningService::CodeOf(refused), "overloaded");
   EXPECT_EQ(refused.Header("retry-after"), "1");
   EXPECT_EQ(running_.Ask("GET", "/healthz").status, 200);
-  engine_.hold = false;
+  backend_.hold = false;
   EXPECT_EQ(running.Read()->status, 200);
   const auto answer = queued.Read();
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->status, 200);
   const std::string timing = answer->Header("server-timing");
   EXPECT_GT(std::stod(timing.substr(timing.find("dur=") + 4)), 40) << timing;
-  EXPECT_EQ(engine_.most_running, 1);
+  EXPECT_EQ(backend_.most_running, 1);
 }
 
 TEST_F(SmallService, RefusesBodiesThatDoNotFitIntoItsMemoryNow) {
   const std::string path = Tree("/rays/any");
-  engine_.hold = true;
+  backend_.hold = true;
   RawClient first(running_.port());
   first.Send(MakeRequest("POST", path, kRays));
-  WaitFor([&] { return engine_.running == 1; });
+  WaitFor([&] { return backend_.running == 1; });
   const RawAnswer refused = running_.Ask("POST", path, kRays);
   EXPECT_EQ(refused.status, 503);
   EXPECT_EQ(RunningService::CodeOf(refused), "memory_full");
   EXPECT_NE(refused.Header("retry-after"), "");
-  engine_.hold = false;
+  backend_.hold = false;
   EXPECT_EQ(first.Read()->status, 200);
   EXPECT_EQ(running_.Ask("POST", path, kRays).status, 200);
 }

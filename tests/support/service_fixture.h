@@ -1,4 +1,4 @@
-// The service on a free port of this process, over any engine.
+// The service on a free port of this process, over any backend.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -20,9 +20,9 @@ inline nlohmann::json Json(const RawAnswer& answer) { return nlohmann::json::par
 
 class RunningService {
  public:
-  RunningService(server::Engine& engine, server::ServiceOptions options = {},
+  RunningService(server::Backend& backend, server::ServiceOptions options = {},
                  server::HttpServerOptions http = {})
-      : service_(std::move(options), engine, log_),
+      : service_(std::move(options), backend, log_),
         server_(WithFreePort(std::move(http)), service_) {
     const auto problem = server_.Bind();
     EXPECT_FALSE(problem) << *problem;

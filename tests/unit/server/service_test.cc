@@ -9,19 +9,20 @@
 #include <stdexcept>
 #include <string>
 
+#include "tests/support/fake_backend.h"
 #include "tests/support/fake_peer.h"
-#include "tests/support/stub_engine.h"
 
 namespace kdray::server {
 namespace {
 
 using nlohmann::json;
+using test::FakeBackend;
 using test::FakePeer;
-using test::StubEngine;
 
 class ServiceTest : public testing::Test {
  protected:
-  explicit ServiceTest(ServiceOptions options = {}) : service_(std::move(options), engine_, log_) {}
+  explicit ServiceTest(ServiceOptions options = {})
+      : service_(std::move(options), backend_, log_) {}
 
   HttpResponse Ask(std::string method, std::string target, HttpHeaders headers = {}) {
     FakePeer peer;
@@ -51,7 +52,7 @@ class ServiceTest : public testing::Test {
   }
 
   const Log log_{-1};
-  StubEngine engine_;
+  FakeBackend backend_;
   Service service_;
 };
 
@@ -142,7 +143,7 @@ TEST_F(ServiceTest, RefusesAMeshThatIsTooLargeBeforeItReadsAByte) {
 }
 
 TEST_F(ServiceTest, AsksTheStoreBeforeItReadsAByte) {
-  engine_.upload_problem = api::Problem{.code = api::ErrorCode::kStoreFull, .detail = "full"};
+  backend_.upload_problem = api::Problem{.code = api::ErrorCode::kStoreFull, .detail = "full"};
   FakePeer peer("mesh");
   EXPECT_EQ(Ask("POST", "/v1/trees", peer).status, 507);
   EXPECT_FALSE(peer.was_read());
@@ -205,7 +206,7 @@ TEST_F(ServiceTest, EveryProblemIsAnsweredWithStatusAndRetryAfterOfItsRow) {
   const std::string path = "/v1/trees/" + Upload("mesh") + "/cells?depth=1";
   for (const api::ErrorRow& row : api::ErrorTable()) {
     if (row.code == api::ErrorCode::kDraining) continue;  // only while it drains, see below
-    engine_.query_problem = api::Problem{.code = row.code, .detail = "as told"};
+    backend_.query_problem = api::Problem{.code = row.code, .detail = "as told"};
     const HttpResponse response = Ask("GET", path);
     EXPECT_EQ(response.status, row.status);
     EXPECT_EQ(response.headers.Find("Retry-After").value_or("0"), std::to_string(row.retry_after_s))
@@ -215,7 +216,7 @@ TEST_F(ServiceTest, EveryProblemIsAnsweredWithStatusAndRetryAfterOfItsRow) {
 
 TEST_F(ServiceTest, SaysThatItDrainsOnlyWhenItDoes) {
   const std::string path = "/v1/trees/" + Upload("mesh") + "/cells?depth=1";
-  engine_.query_problem = api::Problem{.code = api::ErrorCode::kDraining, .detail = "cancelled"};
+  backend_.query_problem = api::Problem{.code = api::ErrorCode::kDraining, .detail = "cancelled"};
   const HttpResponse response = Ask("GET", path);
   EXPECT_EQ(response.status, 500);
   EXPECT_EQ(Code(response), "internal");

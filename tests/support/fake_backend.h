@@ -1,4 +1,4 @@
-// An engine without geometry: meshes are any bytes, every tree is the plane z = 0. For tests of the
+// A backend without geometry: meshes are any bytes, every tree is the plane z = 0. For tests of the
 // HTTP side.
 #pragma once
 
@@ -22,13 +22,13 @@
 #include "api/names.h"
 #include "api/tree_id.h"
 #include "core/base/hash.h"
-#include "server/engine.h"
+#include "server/backend.h"
 
 namespace kdray::test {
 
 /// Bytes that begin with "building" are never built, unless `finish_builds`; those that begin with
 /// "broken" are no mesh. Queries run while `hold` is false, and end early when they are cancelled.
-class StubEngine final : public server::Engine {
+class FakeBackend final : public server::Backend {
  public:
   std::atomic<bool> hold{false}, finish_builds{false};
   std::atomic<int> running{0}, most_running{0}, cancelled{0}, renders{0};
@@ -148,15 +148,15 @@ class StubEngine final : public server::Engine {
  private:
   class Upload final : public server::MeshUpload {
    public:
-    explicit Upload(StubEngine& engine) : engine_(engine) {}
+    explicit Upload(FakeBackend& backend) : backend_(backend) {}
     api::Check Append(std::span<const std::byte> bytes) override {
       bytes_.append(reinterpret_cast<const char*>(bytes.data()), bytes.size());
       return std::nullopt;
     }
-    api::Outcome<Stored> Finish(api::Build build) override { return engine_.Store(bytes_, build); }
+    api::Outcome<Stored> Finish(api::Build build) override { return backend_.Store(bytes_, build); }
 
    private:
-    StubEngine& engine_;
+    FakeBackend& backend_;
     std::string bytes_;
   };
 
@@ -176,11 +176,11 @@ class StubEngine final : public server::Engine {
 
   class Plane final : public server::LoadedTree {
    public:
-    explicit Plane(StubEngine& engine) : engine_(engine) {}
+    explicit Plane(FakeBackend& backend) : backend_(backend) {}
 
     api::Outcome<api::ClosestAnswer> Closest(const api::RayTable& rays, const api::RayOptions&,
                                              const server::CancelToken& cancel) const override {
-      if (auto problem = engine_.Work(cancel)) return *std::move(problem);
+      if (auto problem = backend_.Work(cancel)) return *std::move(problem);
       api::ClosestAnswer answer;
       answer.precision = api::Precision::kWatertight;
       answer.trace_ms = 0.5;
@@ -198,7 +198,7 @@ class StubEngine final : public server::Engine {
 
     api::Outcome<api::AnyAnswer> Any(const api::RayTable& rays, const api::RayOptions&,
                                      const server::CancelToken& cancel) const override {
-      if (auto problem = engine_.Work(cancel)) return *std::move(problem);
+      if (auto problem = backend_.Work(cancel)) return *std::move(problem);
       api::AnyAnswer answer;
       answer.precision = api::Precision::kWatertight;
       for (const auto& [t, valid] : Planes(rays)) {
@@ -210,8 +210,8 @@ class StubEngine final : public server::Engine {
 
     api::Outcome<api::RenderAnswer> Render(const api::RenderRequest& request, bool png,
                                            const server::CancelToken& cancel) const override {
-      if (auto problem = engine_.Work(cancel)) return *std::move(problem);
-      ++engine_.renders;
+      if (auto problem = backend_.Work(cancel)) return *std::move(problem);
+      ++backend_.renders;
       api::RenderAnswer answer;
       answer.precision = api::Precision::kWatertight;
       answer.samples = 2.5;
@@ -234,7 +234,7 @@ class StubEngine final : public server::Engine {
 
     api::Outcome<std::vector<api::Cell>> Cells(std::uint32_t depth,
                                                const server::CancelToken& cancel) const override {
-      if (auto problem = engine_.Work(cancel)) return *std::move(problem);
+      if (auto problem = backend_.Work(cancel)) return *std::move(problem);
       if (depth > 30) {
         return api::Problem{.code = api::ErrorCode::kTooManyCells, .detail = "too many cells"};
       }
@@ -259,7 +259,7 @@ class StubEngine final : public server::Engine {
       return planes;
     }
 
-    StubEngine& engine_;
+    FakeBackend& backend_;
   };
 
   static api::Problem NotMeasured() {

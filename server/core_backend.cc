@@ -1,4 +1,4 @@
-#include "server/core_engine.h"
+#include "server/core_backend.h"
 
 #include <algorithm>
 #include <atomic>
@@ -107,7 +107,7 @@ class CoreMeshUpload final : public MeshUpload {
   core::TreeLibrary::Upload upload_;
 };
 
-/// What runs queries, shared by an engine and its handles.
+/// What runs queries, shared by a backend and its handles.
 struct QueryRunner {
   const api::Limits limits;
   core::Arena arena;
@@ -217,11 +217,11 @@ class CoreLoadedTree final : public LoadedTree {
   const core::Scene scene_;
 };
 
-class RealEngine final : public CoreEngine {
+class LibraryBackend final : public CoreBackend {
  public:
-  RealEngine(const CoreEngineOptions& options, std::unique_ptr<core::TreeLibrary> library)
+  LibraryBackend(const CoreBackendOptions& options, std::unique_ptr<core::TreeLibrary> library)
       : runner_{options.limits, core::Arena(options.threads)}, library_(std::move(library)) {}
-  ~RealEngine() override { Shutdown(); }
+  ~LibraryBackend() override { Shutdown(); }
 
   api::Outcome<std::unique_ptr<MeshUpload>> BeginUpload(std::uint64_t size) override {
     auto upload = library_->BeginUpload(size);
@@ -346,7 +346,7 @@ class RealEngine final : public CoreEngine {
 
   void Shutdown() override { library_->Shutdown(); }
 
-  EngineCounters counters() const override {
+  BackendCounters counters() const override {
     const core::LibraryCounters c = library_->counters();
     return {c.parses,
             c.builds,
@@ -369,7 +369,7 @@ class RealEngine final : public CoreEngine {
 
 }  // namespace
 
-core::Result<std::unique_ptr<CoreEngine>> MakeCoreEngine(CoreEngineOptions options) {
+core::Result<std::unique_ptr<CoreBackend>> MakeCoreBackend(CoreBackendOptions options) {
   if (options.threads < 1) {
     return core::Error{core::ErrorCode::kInvalidArgument, "threads must be at least 1"};
   }
@@ -381,7 +381,8 @@ core::Result<std::unique_ptr<CoreEngine>> MakeCoreEngine(CoreEngineOptions optio
   library_options.store_limit_bytes = options.store_limit_bytes;
   auto library = core::TreeLibrary::Open(library_options);
   if (!library.ok()) return std::move(library).error();
-  return std::unique_ptr<CoreEngine>(std::make_unique<RealEngine>(options, *std::move(library)));
+  return std::unique_ptr<CoreBackend>(
+      std::make_unique<LibraryBackend>(options, *std::move(library)));
 }
 
 }  // namespace kdray::server

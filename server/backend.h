@@ -1,6 +1,6 @@
-// What the HTTP side needs from the engine side, so that routes, handlers and their status codes
-// are tested with a stub and no mesh. CoreEngine (server/core_engine.h) is the real one. Words are
-// the contract's (api/types.h).
+// What the HTTP side needs of core, so that routes, handlers and their status codes are tested with
+// a fake and no mesh (tests/support/fake_backend.h). CoreBackend (server/core_backend.h) is the
+// real one. The types are those of the contract (api/types.h).
 #pragma once
 
 #include <chrono>
@@ -76,9 +76,9 @@ enum class TreeUse : std::uint8_t {
 /// Every method is safe from many threads at once and may block the calling thread; none throws on
 /// purpose. A tree whose build failed answers with the problem of the build for 10 minutes
 /// (invalid_mesh, empty_mesh, …), an unknown id with tree_not_found.
-class Engine {
+class Backend {
  public:
-  virtual ~Engine() = default;
+  virtual ~Backend() = default;
 
   /// Starts an upload of `size` bytes: mesh_too_large, store_full or memory_full before the first
   /// byte.
@@ -96,7 +96,7 @@ class Engine {
                                                       const CancelToken& cancel) = 0;
   /// Waits until the tree is built and in memory. tree_building when the deadline of `cancel` comes
   /// before the tree is built, deadline_exceeded when it was only to be read in again. The handle
-  /// must not outlive the engine.
+  /// must not outlive the backend.
   virtual api::Outcome<std::unique_ptr<const LoadedTree>> Acquire(std::string_view id, TreeUse use,
                                                                   const CancelToken& cancel) = 0;
   /// Newest first; `mesh` empty or a sha256; `after` empty or a cursor (invalid_parameter when it

@@ -1,4 +1,4 @@
-// The real Engine (server/engine.h): keeps meshes and trees with core's TreeLibrary and answers
+// The real Backend (server/backend.h): keeps meshes and trees with core's TreeLibrary and answers
 // queries with core's tracer and renderer. Thin: it parses ids, runs work in the query arena and
 // lets server/mapping translate.
 #pragma once
@@ -10,7 +10,7 @@
 
 #include "api/limits.h"
 #include "core/base/result.h"
-#include "server/engine.h"
+#include "server/backend.h"
 
 namespace kdray::core {
 class FileSystem;
@@ -18,7 +18,7 @@ class FileSystem;
 
 namespace kdray::server {
 
-struct CoreEngineOptions {
+struct CoreBackendOptions {
   std::filesystem::path data_dir;  ///< made when it is not there
   int threads = 1;                 ///< for queries, and as many again for builds; >= 1
   std::uint64_t memory_limit_bytes = std::uint64_t{4} << 30;  ///< meshes, trees and builds together
@@ -27,8 +27,8 @@ struct CoreEngineOptions {
   core::FileSystem* file_system = nullptr;  ///< for tests; null: the operating system's
 };
 
-/// What the engine has done since it started, and what it holds. For metrics and tests.
-struct EngineCounters {
+/// What the backend has done since it started, and what it holds. For metrics and tests.
+struct BackendCounters {
   std::uint64_t parses = 0;             ///< mesh files read
   std::uint64_t builds = 0;             ///< trees built, rebuilt ones included
   std::uint64_t loads = 0;              ///< trees read from disk instead of built
@@ -43,14 +43,14 @@ struct EngineCounters {
   std::uint64_t binary_rebuilds = 0;    ///< binary trees made again, for cells
 };
 
-class CoreEngine : public Engine {
+class CoreBackend : public Backend {
  public:
-  virtual EngineCounters counters() const = 0;
+  virtual BackendCounters counters() const = 0;
 };
 
 /// Takes the data directory, reads in what it holds and resumes builds that were cut off. Errors,
 /// each with a message for the operator: kInvalidArgument (an option out of range, another daemon
 /// uses the directory), kIo, kStoreFull (the directory cannot be made or read).
-core::Result<std::unique_ptr<CoreEngine>> MakeCoreEngine(CoreEngineOptions options);
+core::Result<std::unique_ptr<CoreBackend>> MakeCoreBackend(CoreBackendOptions options);
 
 }  // namespace kdray::server

@@ -1,4 +1,4 @@
-// The contract with the real engine: what is uploaded is what is hit.
+// The contract with the real backend: what is uploaded is what is hit.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "api/names.h"
-#include "server/core_engine.h"
+#include "server/core_backend.h"
 #include "tests/support/mesh_files.h"
 #include "tests/support/npy_array.h"
 #include "tests/support/obj_text.h"
@@ -45,20 +45,20 @@ std::vector<T> Numbers(const std::string& bytes) {
   return numbers;
 }
 
-class RealEngine : public testing::Test {
+class RealBackend : public testing::Test {
  protected:
-  RealEngine() {
-    CoreEngineOptions options;
+  RealBackend() {
+    CoreBackendOptions options;
     options.data_dir = folder_.path() / "data";
     options.threads = 2;
-    auto engine = MakeCoreEngine(options);
-    EXPECT_TRUE(engine.ok()) << engine.error().message;
-    engine_ = *std::move(engine);
-    running_ = std::make_unique<RunningService>(*engine_);
+    auto backend = MakeCoreBackend(options);
+    EXPECT_TRUE(backend.ok()) << backend.error().message;
+    backend_ = *std::move(backend);
+    running_ = std::make_unique<RunningService>(*backend_);
   }
-  ~RealEngine() override {
+  ~RealBackend() override {
     running_.reset();
-    engine_->Shutdown();
+    backend_->Shutdown();
   }
 
   std::string UploadFile(const std::filesystem::path& path, const std::string& query = "") {
@@ -67,14 +67,14 @@ class RealEngine : public testing::Test {
   }
 
   test::TemporaryFolder folder_;
-  std::unique_ptr<CoreEngine> engine_;
+  std::unique_ptr<CoreBackend> backend_;
   std::unique_ptr<RunningService> running_;
 };
 
-TEST_F(RealEngine, ShowsAPausingClientTheEndOfItsConnectionAfterEveryKindOfRequest) {
+TEST_F(RealBackend, ShowsAPausingClientTheEndOfItsConnectionAfterEveryKindOfRequest) {
   HttpServerOptions http;
   http.idle_timeout = std::chrono::milliseconds(50);
-  RunningService running(*engine_, {}, http);
+  RunningService running(*backend_, {}, http);
   const std::string command = KDRAY_PYTHON " " KDRAY_SOURCE_DIR
                                            "/tests/integration/keep_alive_client.py "
                                            "http://127.0.0.1:" +
@@ -82,7 +82,7 @@ TEST_F(RealEngine, ShowsAPausingClientTheEndOfItsConnectionAfterEveryKindOfReque
   EXPECT_EQ(std::system(command.c_str()), 0);
 }
 
-TEST_F(RealEngine, AnswersRaysAtACube) {
+TEST_F(RealBackend, AnswersRaysAtACube) {
   const std::string id = running_->Upload(test::ObjText(test::Cube({0, 0, 0}, 1)));
   const json tree = Json(running_->Ask("GET", "/v1/trees/" + id));
   EXPECT_EQ(tree.at("state"), "ready");
@@ -107,7 +107,7 @@ TEST_F(RealEngine, AnswersRaysAtACube) {
             json({true, false, false, false, true}));
 }
 
-TEST_F(RealEngine, GivesTheSameBytesForEveryBuildAndPrecisionForNone) {
+TEST_F(RealBackend, GivesTheSameBytesForEveryBuildAndPrecisionForNone) {
   const std::string mesh = test::ObjText(test::BumpySphere({1, 2, 3}, 1, 12, 24, 0.3));
   const std::string sha = running_->Upload(mesh).substr(0, 64);
   std::vector<float> numbers;
@@ -133,7 +133,7 @@ TEST_F(RealEngine, GivesTheSameBytesForEveryBuildAndPrecisionForNone) {
   EXPECT_THAT(first, HasSubstr("'triangle'"));
 }
 
-TEST_F(RealEngine, SaysWhichPrecisionAnswersAndWhatAMeshOfDoublesLosesInTheOthers) {
+TEST_F(RealBackend, SaysWhichPrecisionAnswersAndWhatAMeshOfDoublesLosesInTheOthers) {
   // A tenth is no float, so these vertices are kept as doubles.
   const std::string id = running_->Upload("v 0.1 0 0\nv 1 0.1 0\nv 0 1 0.1\nf 1 2 3\n");
   const std::string plan = Json(running_->Ask("GET", "/v1/trees/" + id)).at("plan");
@@ -153,7 +153,7 @@ TEST_F(RealEngine, SaysWhichPrecisionAnswersAndWhatAMeshOfDoublesLosesInTheOther
   EXPECT_EQ(image.Header("kdray-precision"), "exact");
 }
 
-TEST_F(RealEngine, RefinesAnImageUntilItsNoiseIsLowOrItsTimeIsOver) {
+TEST_F(RealBackend, RefinesAnImageUntilItsNoiseIsLowOrItsTimeIsOver) {
   const std::string id = running_->Upload(test::ObjText(test::IcoSphere({0, 0, 0}, 1, 3)));
   const std::string path = "/v1/trees/" + id + "/render.npy?width=64&height=48";
   const RawAnswer quiet = running_->Ask("GET", path + "&max_noise=0.02");
@@ -177,7 +177,7 @@ TEST_F(RealEngine, RefinesAnImageUntilItsNoiseIsLowOrItsTimeIsOver) {
   EXPECT_EQ(running_->Ask("GET", path + "&samples=3").Header("kdray-samples"), "3");
 }
 
-TEST_F(RealEngine, MeasuresWhatSpeedCostsInAccuracy) {
+TEST_F(RealBackend, MeasuresWhatSpeedCostsInAccuracy) {
   const std::string id = running_->Upload(test::ObjText(test::Cube({0, 0, 0}, 1)));
   const std::string path = "/v1/trees/" + id + "/tradeoff";
   EXPECT_EQ(running_->Code("GET", path), "not_measured");
@@ -218,7 +218,7 @@ TEST_F(RealEngine, MeasuresWhatSpeedCostsInAccuracy) {
   EXPECT_EQ(Json(running_->Ask("GET", path)), measured);
 }
 
-TEST_F(RealEngine, RendersWhatIsThere) {
+TEST_F(RealBackend, RendersWhatIsThere) {
   const std::string id = running_->Upload(test::ObjText(test::IcoSphere({0, 0, 0}, 1, 3)));
   const std::string path = "/v1/trees/" + id;
   const RawAnswer depth = running_->Ask(
@@ -242,7 +242,7 @@ TEST_F(RealEngine, RendersWhatIsThere) {
   EXPECT_GT(cells.at("cells").size(), 1U);
 }
 
-TEST_F(RealEngine, LooksStraightDownAndUpWhenUpIsLeftOut) {
+TEST_F(RealBackend, LooksStraightDownAndUpWhenUpIsLeftOut) {
   // Nothing about it is symmetric, so that a turned or mirrored picture is another one.
   const std::string id = running_->Upload("v 0 0 0\nv 1 0.1 0\nv 0.2 0 0.7\nf 1 2 3\n");
   const std::string png = "/v1/trees/" + id + "/render.png";
@@ -282,7 +282,7 @@ TEST_F(RealEngine, LooksStraightDownAndUpWhenUpIsLeftOut) {
   }
 }
 
-TEST_F(RealEngine, RefusesACameraThatCannotBe) {
+TEST_F(RealBackend, RefusesACameraThatCannotBe) {
   const std::string id = running_->Upload(test::ObjText(test::Cube({0, 0, 0}, 1)));
   EXPECT_EQ(running_->Code("GET", "/v1/trees/" + id + "/render.png?eye=0,0,0&target=0,0,0"),
             "invalid_parameter");
@@ -291,7 +291,7 @@ TEST_F(RealEngine, RefusesACameraThatCannotBe) {
       "invalid_parameter");
 }
 
-TEST_F(RealEngine, RefusesWrongInputAndGoesOn) {
+TEST_F(RealBackend, RefusesWrongInputAndGoesOn) {
   const std::string mesh = test::ObjText(test::Cube({0, 0, 0}, 1));
   const std::string id = running_->Upload(mesh);
   const std::string path = "/v1/trees/" + id;
@@ -338,7 +338,7 @@ TEST_F(RealEngine, RefusesWrongInputAndGoesOn) {
   EXPECT_EQ(Json(running_->Ask("POST", "/v1/trees", mesh)).at("id"), id);
 }
 
-TEST_F(RealEngine, ForgetsATreeAndItsMesh) {
+TEST_F(RealBackend, ForgetsATreeAndItsMesh) {
   const std::string id = running_->Upload(test::ObjText(test::Cube({0, 0, 0}, 1)));
   EXPECT_EQ(running_->Ask("DELETE", "/v1/trees/" + id).status, 204);
   EXPECT_EQ(running_->Code("GET", "/v1/trees/" + id), "tree_not_found");
@@ -346,7 +346,7 @@ TEST_F(RealEngine, ForgetsATreeAndItsMesh) {
   EXPECT_EQ(running_->Code("POST", "/v1/trees?mesh=" + id.substr(0, 64)), "mesh_not_found");
 }
 
-TEST_F(RealEngine, TakesAScan) {
+TEST_F(RealBackend, TakesAScan) {
   KDRAY_NEED_MESHES();
   const auto file = *test::MeshFolder() / "stanford_bunny_69k_ascii.ply";
   const std::string id = UploadFile(file);

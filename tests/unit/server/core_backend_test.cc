@@ -1,5 +1,5 @@
-// The engine in the contract's words, on real meshes and a disk of its own.
-#include "server/core_engine.h"
+// The backend in the contract's words, on real meshes and a disk of its own.
+#include "server/core_backend.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -32,26 +32,26 @@ using testing::HasSubstr;
 
 using MeshBytesVector = std::vector<std::byte>;
 
-class CoreEngineTest : public testing::Test {
+class CoreBackendTest : public testing::Test {
  protected:
-  CoreEngineTest() {
+  CoreBackendTest() {
     options_.data_dir = "data";
     options_.threads = 2;
     options_.file_system = &disk_;
     Open();
   }
   void Open() {
-    engine_.reset();
-    auto engine = MakeCoreEngine(options_);
-    ASSERT_TRUE(engine.ok()) << engine.error().message;
-    engine_ = *std::move(engine);
+    backend_.reset();
+    auto backend = MakeCoreBackend(options_);
+    ASSERT_TRUE(backend.ok()) << backend.error().message;
+    backend_ = *std::move(backend);
   }
   static CancelToken Soon() {
     return CancelToken::WithDeadline(steady_clock::now() + std::chrono::minutes(2));
   }
   api::Outcome<MeshUpload::Stored> Upload(const MeshBytesVector& bytes,
                                           api::Build build = api::Build::kAuto) {
-    auto upload = engine_->BeginUpload(bytes.size());
+    auto upload = backend_->BeginUpload(bytes.size());
     if (!upload.ok()) return upload.problem();
     if (api::Check check = (*upload)->Append(bytes)) return *std::move(check);
     return (*upload)->Finish(build);
@@ -59,47 +59,47 @@ class CoreEngineTest : public testing::Test {
   std::string Add(const core::MeshData& mesh, api::Build build = api::Build::kAuto) {
     const auto stored = Upload(test::OffBytes(mesh), build);
     EXPECT_TRUE(stored.ok());
-    const auto built =
-        engine_->Describe(stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
+    const auto built = backend_->Describe(stored->id, steady_clock::now() + std::chrono::minutes(2),
+                                          CancelToken());
     EXPECT_TRUE(built.ok() && built->ready);
     return stored->id;
   }
 
   api::Outcome<api::TreeDescription> DescribeNow(std::string_view id) {
-    return engine_->Describe(id, steady_clock::now(), CancelToken());
+    return backend_->Describe(id, steady_clock::now(), CancelToken());
   }
 
   // One request: acquires the tree, asks it once, and lets it go.
   api::Outcome<api::ClosestAnswer> Closest(std::string_view id, const api::RayTable& rays,
                                            const api::RayOptions& options,
                                            const CancelToken& cancel) {
-    const auto tree = engine_->Acquire(id, TreeUse::kRays, cancel);
+    const auto tree = backend_->Acquire(id, TreeUse::kRays, cancel);
     if (!tree) return tree.problem();
     return (*tree)->Closest(rays, options, cancel);
   }
   api::Outcome<api::AnyAnswer> Any(std::string_view id, const api::RayTable& rays,
                                    const api::RayOptions& options, const CancelToken& cancel) {
-    const auto tree = engine_->Acquire(id, TreeUse::kRays, cancel);
+    const auto tree = backend_->Acquire(id, TreeUse::kRays, cancel);
     if (!tree) return tree.problem();
     return (*tree)->Any(rays, options, cancel);
   }
   api::Outcome<api::RenderAnswer> Render(std::string_view id, const api::RenderRequest& request,
                                          bool png, const CancelToken& cancel) {
     const auto tree =
-        engine_->Acquire(id, request.cells_depth ? TreeUse::kCells : TreeUse::kRays, cancel);
+        backend_->Acquire(id, request.cells_depth ? TreeUse::kCells : TreeUse::kRays, cancel);
     if (!tree) return tree.problem();
     return (*tree)->Render(request, png, cancel);
   }
   api::Outcome<std::vector<api::Cell>> Cells(std::string_view id, std::uint32_t depth,
                                              const CancelToken& cancel) {
-    const auto tree = engine_->Acquire(id, TreeUse::kCells, cancel);
+    const auto tree = backend_->Acquire(id, TreeUse::kCells, cancel);
     if (!tree) return tree.problem();
     return (*tree)->Cells(depth, cancel);
   }
 
   test::SimulatedDisk disk_;
-  CoreEngineOptions options_;
-  std::unique_ptr<CoreEngine> engine_;
+  CoreBackendOptions options_;
+  std::unique_ptr<CoreBackend> backend_;
 };
 
 core::MeshData Sphere() { return test::BumpySphere({1, 2, 3}, 2, 12, 24, 0.2); }
@@ -131,7 +131,7 @@ core::Ray RayOf(const api::RayRow<T>& r) {
           core::Vec3d{r.dx, r.dy, r.dz}, static_cast<double>(r.t_max)};
 }
 
-TEST_F(CoreEngineTest, AnUploadIsDescribedAndItsBytesComeBack) {
+TEST_F(CoreBackendTest, AnUploadIsDescribedAndItsBytesComeBack) {
   const MeshBytesVector bytes = test::OffBytes(Sphere());
   const std::string sha256 = core::HashBytes(bytes).ToHex();
   const auto stored = Upload(bytes, api::Build::kKdBinned);
@@ -139,7 +139,7 @@ TEST_F(CoreEngineTest, AnUploadIsDescribedAndItsBytesComeBack) {
   EXPECT_EQ(stored->id, sha256 + "-kd-binned");
   EXPECT_FALSE(stored->existed);
   const auto description =
-      engine_->Describe(stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
+      backend_->Describe(stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
   ASSERT_TRUE(description.ok());
   EXPECT_TRUE(description->ready);
   EXPECT_EQ(description->progress, 1.0);
@@ -153,7 +153,7 @@ TEST_F(CoreEngineTest, AnUploadIsDescribedAndItsBytesComeBack) {
   EXPECT_THAT(description->plan, HasSubstr("kd-binned"));
   EXPECT_TRUE(Upload(bytes, api::Build::kKdBinned)->existed);
 
-  const auto mesh = engine_->OpenMesh(stored->id, {});
+  const auto mesh = backend_->OpenMesh(stored->id, {});
   ASSERT_TRUE(mesh.ok());
   MeshBytesVector read((*mesh)->size());
   ASSERT_TRUE((*mesh)->Read(0, read));
@@ -161,7 +161,7 @@ TEST_F(CoreEngineTest, AnUploadIsDescribedAndItsBytesComeBack) {
   EXPECT_FALSE((*mesh)->Read(read.size(), std::span(read).first(1))) << "beyond the end";
 }
 
-TEST_F(CoreEngineTest, WhatIsNoIdIsNotFoundEverywhere) {
+TEST_F(CoreBackendTest, WhatIsNoIdIsNotFoundEverywhere) {
   const std::string real = Add(Sphere());
   for (const std::string& id :
        {std::string(), std::string("x"), std::string("../") + real, real + "x", real.substr(0, 64),
@@ -169,8 +169,8 @@ TEST_F(CoreEngineTest, WhatIsNoIdIsNotFoundEverywhere) {
         std::string(64, '0') + "-auto", real.substr(0, 65) + "octree", real + std::string(1, '\0'),
         std::string(5000, 'a')}) {
     EXPECT_EQ(DescribeNow(id).problem().code, ErrorCode::kTreeNotFound) << id;
-    EXPECT_EQ(engine_->Delete(id)->code, ErrorCode::kTreeNotFound);
-    EXPECT_EQ(engine_->OpenMesh(id, {}).problem().code, ErrorCode::kTreeNotFound);
+    EXPECT_EQ(backend_->Delete(id)->code, ErrorCode::kTreeNotFound);
+    EXPECT_EQ(backend_->OpenMesh(id, {}).problem().code, ErrorCode::kTreeNotFound);
     EXPECT_EQ(Closest(id, SomeRays<double>(1), {}, Soon()).problem().code,
               ErrorCode::kTreeNotFound);
     EXPECT_EQ(Any(id, SomeRays<double>(1), {}, Soon()).problem().code, ErrorCode::kTreeNotFound);
@@ -179,24 +179,24 @@ TEST_F(CoreEngineTest, WhatIsNoIdIsNotFoundEverywhere) {
   }
 }
 
-TEST_F(CoreEngineTest, AnotherBuildOfAStoredMesh) {
+TEST_F(CoreBackendTest, AnotherBuildOfAStoredMesh) {
   const std::string id = Add(Sphere());
   const std::string sha256 = id.substr(0, 64);
-  const auto stored = engine_->BuildStored(sha256, api::Build::kBvh);
+  const auto stored = backend_->BuildStored(sha256, api::Build::kBvh);
   ASSERT_TRUE(stored.ok());
   EXPECT_EQ(stored->id, sha256 + "-bvh");
   EXPECT_FALSE(stored->existed);
   for (const std::string& unknown : {std::string(64, '0'), std::string("x"), sha256 + "0"}) {
-    EXPECT_EQ(engine_->BuildStored(unknown, api::Build::kBvh).problem().code,
+    EXPECT_EQ(backend_->BuildStored(unknown, api::Build::kBvh).problem().code,
               ErrorCode::kMeshNotFound);
   }
 }
 
-TEST_F(CoreEngineTest, BrokenMeshesAnswerTheirProblemWithItsLine) {
+TEST_F(CoreBackendTest, BrokenMeshesAnswerTheirProblemWithItsLine) {
   const auto stored = Upload(test::Bytes("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n"));
   ASSERT_TRUE(stored.ok());
   const auto waited =
-      engine_->Describe(stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
+      backend_->Describe(stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
   ASSERT_FALSE(waited.ok());
   EXPECT_EQ(waited.problem().code, ErrorCode::kInvalidMesh);
   EXPECT_EQ(waited.problem().line, 6u);
@@ -206,7 +206,7 @@ TEST_F(CoreEngineTest, BrokenMeshesAnswerTheirProblemWithItsLine) {
   EXPECT_EQ(Upload({}).problem().code, ErrorCode::kEmptyMesh);
 }
 
-TEST_F(CoreEngineTest, ClosestHitsAreThoseOfBruteForceForFloatAndDoubleRows) {
+TEST_F(CoreBackendTest, ClosestHitsAreThoseOfBruteForceForFloatAndDoubleRows) {
   const auto mesh = core::TriangleMesh::Create(Sphere());
   ASSERT_TRUE(mesh.ok());
   const std::string id = Add(Sphere());
@@ -247,7 +247,7 @@ TEST_F(CoreEngineTest, ClosestHitsAreThoseOfBruteForceForFloatAndDoubleRows) {
   }
 }
 
-TEST_F(CoreEngineTest, ABatchLongerThanABlockIsAnsweredLikeItsParts) {
+TEST_F(CoreBackendTest, ABatchLongerThanABlockIsAnsweredLikeItsParts) {
   const std::string id = Add(Sphere());
   const api::RayTable all = SomeRays<double>(300'000);
   const auto answer = Closest(id, all, {}, Soon());
@@ -275,7 +275,7 @@ TEST_F(CoreEngineTest, ABatchLongerThanABlockIsAnsweredLikeItsParts) {
   }
 }
 
-TEST_F(CoreEngineTest, NormalsAndPointsComeWhenTheyAreAskedFor) {
+TEST_F(CoreBackendTest, NormalsAndPointsComeWhenTheyAreAskedFor) {
   const std::string id = Add(test::Cube({0, 0, 0}, 2));
   api::RayTable table;
   table.shape = {3};
@@ -295,7 +295,7 @@ TEST_F(CoreEngineTest, NormalsAndPointsComeWhenTheyAreAskedFor) {
   EXPECT_THAT(answer->points[2], ElementsAre(0.5, 0.25, 2));
 }
 
-TEST_F(CoreEngineTest, EveryPrecisionIsAnsweredUnderItsName) {
+TEST_F(CoreBackendTest, EveryPrecisionIsAnsweredUnderItsName) {
   const std::string id = Add(Sphere());
   for (const api::Precision precision : {api::Precision::kFast, api::Precision::kWatertight,
                                          api::Precision::kDouble, api::Precision::kExact}) {
@@ -309,7 +309,7 @@ TEST_F(CoreEngineTest, EveryPrecisionIsAnsweredUnderItsName) {
   }
 }
 
-TEST_F(CoreEngineTest, ABatchOfNothingIsAnsweredWithNothing) {
+TEST_F(CoreBackendTest, ABatchOfNothingIsAnsweredWithNothing) {
   const std::string id = Add(Sphere());
   const auto closest = Closest(id, SomeRays<float>(0), {}, Soon());
   ASSERT_TRUE(closest.ok());
@@ -317,7 +317,7 @@ TEST_F(CoreEngineTest, ABatchOfNothingIsAnsweredWithNothing) {
   EXPECT_TRUE(Any(id, SomeRays<float>(0), {}, Soon())->occluded.empty());
 }
 
-TEST_F(CoreEngineTest, ADeadlineThatHasPassedIsExceeded) {
+TEST_F(CoreBackendTest, ADeadlineThatHasPassedIsExceeded) {
   const std::string id = Add(Sphere());
   const CancelToken late = CancelToken::WithDeadline(steady_clock::now() - milliseconds(1));
   EXPECT_EQ(Closest(id, SomeRays<double>(1000), {}, late).problem().code,
@@ -326,7 +326,7 @@ TEST_F(CoreEngineTest, ADeadlineThatHasPassedIsExceeded) {
   EXPECT_EQ(Render(id, {}, true, late).problem().code, ErrorCode::kDeadlineExceeded);
 }
 
-TEST_F(CoreEngineTest, AQueryOnATreeThatIsBuiltWaitsItsDeadlineOutAndIsToldToComeAgain) {
+TEST_F(CoreBackendTest, AQueryOnATreeThatIsBuiltWaitsItsDeadlineOutAndIsToldToComeAgain) {
   // Large enough that it is not built at once.
   const auto stored = Upload(test::OffBytes(test::UvSphere({0, 0, 0}, 1, 80, 160)));
   ASSERT_TRUE(stored.ok());
@@ -344,15 +344,15 @@ TEST_F(CoreEngineTest, AQueryOnATreeThatIsBuiltWaitsItsDeadlineOutAndIsToldToCom
   EXPECT_TRUE(Closest(stored->id, SomeRays<double>(1), {}, Soon()).ok());
 }
 
-TEST_F(CoreEngineTest, AnAcquiredTreeAnswersAfterItWasDeleted) {
+TEST_F(CoreBackendTest, AnAcquiredTreeAnswersAfterItWasDeleted) {
   const std::string id = Add(Sphere());
-  EXPECT_EQ(engine_->Find(id), std::nullopt);
-  const auto tree = engine_->Acquire(id, TreeUse::kRays, Soon());
+  EXPECT_EQ(backend_->Find(id), std::nullopt);
+  const auto tree = backend_->Acquire(id, TreeUse::kRays, Soon());
   ASSERT_TRUE(tree.ok());
   const auto before = (*tree)->Closest(SomeRays<double>(100), {}, Soon());
-  EXPECT_EQ(engine_->Delete(id), std::nullopt);
-  EXPECT_EQ(engine_->Find(id)->code, ErrorCode::kTreeNotFound);
-  EXPECT_EQ(engine_->Acquire(id, TreeUse::kRays, Soon()).problem().code, ErrorCode::kTreeNotFound);
+  EXPECT_EQ(backend_->Delete(id), std::nullopt);
+  EXPECT_EQ(backend_->Find(id)->code, ErrorCode::kTreeNotFound);
+  EXPECT_EQ(backend_->Acquire(id, TreeUse::kRays, Soon()).problem().code, ErrorCode::kTreeNotFound);
   const auto after = (*tree)->Closest(SomeRays<double>(100), {}, Soon());
   ASSERT_TRUE(before.ok() && after.ok());
   for (std::size_t i = 0; i < 100; ++i) {
@@ -360,7 +360,7 @@ TEST_F(CoreEngineTest, AnAcquiredTreeAnswersAfterItWasDeleted) {
   }
 }
 
-TEST_F(CoreEngineTest, RendersAPngAndArrays) {
+TEST_F(CoreBackendTest, RendersAPngAndArrays) {
   const std::string id = Add(Sphere());
   api::RenderRequest request;
   request.width = 40;
@@ -390,7 +390,7 @@ TEST_F(CoreEngineTest, RendersAPngAndArrays) {
   }
 }
 
-TEST_F(CoreEngineTest, ACameraThatCannotBeIsAnInvalidParameter) {
+TEST_F(CoreBackendTest, ACameraThatCannotBeIsAnInvalidParameter) {
   const std::string id = Add(Sphere());
   api::RenderRequest request;
   request.eye = api::Vec3{1, 2, 3};
@@ -401,7 +401,7 @@ TEST_F(CoreEngineTest, ACameraThatCannotBeIsAnInvalidParameter) {
   EXPECT_TRUE(answer.problem().parameter.has_value()) << answer.problem().detail;
 }
 
-TEST_F(CoreEngineTest, CellsAreInWorldUnitsAndLimited) {
+TEST_F(CoreBackendTest, CellsAreInWorldUnitsAndLimited) {
   const std::string id = Add(Sphere());
   const auto root = Cells(id, 0, Soon());
   ASSERT_TRUE(root.ok());
@@ -421,7 +421,7 @@ TEST_F(CoreEngineTest, CellsAreInWorldUnitsAndLimited) {
   EXPECT_EQ(many.problem().limit, 10.0);
 }
 
-TEST_F(CoreEngineTest, APictureOfTooManyCellsSaysSoAndHowManyItDraws) {
+TEST_F(CoreBackendTest, APictureOfTooManyCellsSaysSoAndHowManyItDraws) {
   options_.limits.max_picture_cells = 8;
   Open();
   const std::string id = Add(Sphere());
@@ -440,33 +440,33 @@ TEST_F(CoreEngineTest, APictureOfTooManyCellsSaysSoAndHowManyItDraws) {
   EXPECT_EQ(many.problem().limit, 8.0);
 }
 
-TEST_F(CoreEngineTest, PagesOfTheListJoinWithoutGaps) {
+TEST_F(CoreBackendTest, PagesOfTheListJoinWithoutGaps) {
   std::vector<std::string> ids;
   for (int i = 0; i < 5; ++i) ids.push_back(Add(test::Cube({double(i), 0, 0}, 1)));
   std::vector<std::string> listed;
   std::string after;
   for (int pages = 0; pages < 10; ++pages) {
-    const auto page = engine_->List("", 2, after);
+    const auto page = backend_->List("", 2, after);
     ASSERT_TRUE(page.ok());
     for (const auto& tree : page->trees) listed.push_back(tree.id);
     if (!page->next) break;
     after = *page->next;
   }
   EXPECT_THAT(listed, testing::UnorderedElementsAreArray(ids));
-  EXPECT_FALSE(engine_->List("", 5, "")->next.has_value()) << "all of them fit";
-  const auto one = engine_->List(ids[2].substr(0, 64), 10, "");
+  EXPECT_FALSE(backend_->List("", 5, "")->next.has_value()) << "all of them fit";
+  const auto one = backend_->List(ids[2].substr(0, 64), 10, "");
   ASSERT_EQ(one->trees.size(), 1u);
   EXPECT_EQ(one->trees[0].id, ids[2]);
-  EXPECT_TRUE(engine_->List(std::string(64, '0'), 10, "")->trees.empty());
+  EXPECT_TRUE(backend_->List(std::string(64, '0'), 10, "")->trees.empty());
   for (const std::string& bad : {std::string("x"), std::string("1"), after + "x"}) {
-    const auto refused = engine_->List("", 2, bad);
+    const auto refused = backend_->List("", 2, bad);
     ASSERT_FALSE(refused.ok());
     EXPECT_EQ(refused.problem().code, ErrorCode::kInvalidParameter);
     EXPECT_EQ(refused.problem().parameter, "after");
   }
 }
 
-TEST_F(CoreEngineTest, AnswersAreTheSameBytesFromMemoryDiskAndEveryThreadCount) {
+TEST_F(CoreBackendTest, AnswersAreTheSameBytesFromMemoryDiskAndEveryThreadCount) {
   const std::string id = Add(Sphere());
   const api::RayTable rays = SomeRays<double>(20'000);
   const auto before = Closest(id, rays, {}, Soon());
@@ -482,46 +482,46 @@ TEST_F(CoreEngineTest, AnswersAreTheSameBytesFromMemoryDiskAndEveryThreadCount) 
       ASSERT_TRUE(a.triangle == b.triangle && a.u == b.u && a.v == b.v &&
                   (a.t == b.t || (std::isnan(a.t) && std::isnan(b.t))));
     }
-    EXPECT_EQ(engine_->counters().builds, 0u);
-    EXPECT_EQ(engine_->counters().loads, 1u);
+    EXPECT_EQ(backend_->counters().builds, 0u);
+    EXPECT_EQ(backend_->counters().loads, 1u);
   }
 }
 
-TEST_F(CoreEngineTest, AFullDiskIsStoreFullAndWhatIsInMemoryIsServed) {
+TEST_F(CoreBackendTest, AFullDiskIsStoreFullAndWhatIsInMemoryIsServed) {
   const std::string id = Add(Sphere());
   disk_.set_read_only(true);
-  EXPECT_EQ(engine_->BeginUpload(100).problem().code, ErrorCode::kStoreFull);
+  EXPECT_EQ(backend_->BeginUpload(100).problem().code, ErrorCode::kStoreFull);
   EXPECT_TRUE(Closest(id, SomeRays<double>(10), {}, Soon()).ok());
-  EXPECT_EQ(engine_->Delete(id)->code, ErrorCode::kStoreFull);
+  EXPECT_EQ(backend_->Delete(id)->code, ErrorCode::kStoreFull);
 }
 
-TEST_F(CoreEngineTest, ShutdownEndsWaitsAndAnswersDraining) {
+TEST_F(CoreBackendTest, ShutdownEndsWaitsAndAnswersDraining) {
   const auto stored = Upload(test::OffBytes(test::UvSphere({0, 0, 0}, 1, 80, 160)));
   ASSERT_TRUE(stored.ok());
   std::thread client([&] {
-    const auto waited =
-        engine_->Describe(stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
+    const auto waited = backend_->Describe(
+        stored->id, steady_clock::now() + std::chrono::minutes(2), CancelToken());
     EXPECT_TRUE(waited.ok() || waited.problem().code == ErrorCode::kDraining);
   });
   const auto start = steady_clock::now();
-  engine_->Shutdown();
+  backend_->Shutdown();
   client.join();
   EXPECT_LT(steady_clock::now() - start, std::chrono::seconds(20));
   Open();
   EXPECT_TRUE(Closest(stored->id, SomeRays<double>(1), {}, Soon()).ok()) << "resumed";
 }
 
-TEST(MakeCoreEngine, RefusesOptionsThatCannotBeAndASecondDaemon) {
+TEST(MakeCoreBackend, RefusesOptionsThatCannotBeAndASecondDaemon) {
   test::SimulatedDisk disk;
-  CoreEngineOptions options;
+  CoreBackendOptions options;
   options.data_dir = "data";
   options.file_system = &disk;
   options.threads = 0;
-  EXPECT_EQ(MakeCoreEngine(options).error().code, core::ErrorCode::kInvalidArgument);
+  EXPECT_EQ(MakeCoreBackend(options).error().code, core::ErrorCode::kInvalidArgument);
   options.threads = 1;
-  const auto first = MakeCoreEngine(options);
+  const auto first = MakeCoreBackend(options);
   ASSERT_TRUE(first.ok());
-  const auto second = MakeCoreEngine(options);
+  const auto second = MakeCoreBackend(options);
   ASSERT_FALSE(second.ok());
   EXPECT_EQ(second.error().code, core::ErrorCode::kInvalidArgument);
 }
