@@ -43,14 +43,15 @@ std::string_view TakeSegment(std::string_view& path) {
   return segment;
 }
 
-/// Whether the pattern describes the path; `name` becomes what stood for the segment in braces.
-bool Matches(std::string_view pattern, std::string_view path, std::string_view* name) {
+/// Whether the pattern describes the path; `parameter` becomes what stood for the segment in
+/// braces.
+bool Matches(std::string_view pattern, std::string_view path, std::string_view* parameter) {
   while (!pattern.empty() && !path.empty() && path.front() == '/') {
     const std::string_view expected = TakeSegment(pattern);
     const std::string_view segment = TakeSegment(path);
     if (expected.starts_with('{')) {
       if (segment.empty()) return false;
-      *name = segment;
+      *parameter = segment;
     } else if (expected != segment) {
       return false;
     }
@@ -95,7 +96,7 @@ RouteMatch FindRoute(std::span<const Route> routes, std::string_view method,
                      std::string_view path) {
   for (const Route& route : routes) {
     RouteMatch match;
-    if (!Matches(route.path, path, &match.name)) continue;
+    if (!Matches(route.path, path, &match.path_parameter)) continue;
     match.route = &route;
     match.handler = HandlerFor(route, method);
     return match;

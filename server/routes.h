@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "api/types.h"
-#include "server/call.h"
+#include "server/handler.h"
 
 namespace kdray::server {
 
@@ -27,8 +27,8 @@ std::string Allow(const Route& route);
 
 struct RouteMatch {
   const Route* route = nullptr;
-  Handler handler = nullptr;  ///< null: the route does not take the method
-  std::string_view name;      ///< what stood for the segment in braces, still percent-encoded
+  Handler handler = nullptr;        ///< null: the route does not take the method
+  std::string_view path_parameter;  ///< what stood for the segment in braces, still percent-encoded
 };
 
 /// `route` is null for a path of no route. A trailing slash makes another path.

@@ -78,12 +78,12 @@ Service::Service(ServiceOptions options, Backend& backend, const Log& log)
       log_(log),
       admission_(options_.max_running, options_.max_queued),
       memory_(options_.request_memory_bytes),
-      services_{.backend = backend,
-                .limits = options_.limits,
-                .admission = admission_,
-                .memory = memory_,
-                .draining = draining_,
-                .with_tokens = options_.tokens.has_value()} {}
+      context_{.backend = backend,
+               .limits = options_.limits,
+               .admission = admission_,
+               .memory = memory_,
+               .draining = draining_,
+               .with_tokens = options_.tokens.has_value()} {}
 
 HttpResponse Service::Handle(const HttpRequest& request) {
   const std::string request_id = RequestIdOf(request);
@@ -123,9 +123,9 @@ api::Outcome<HttpResponse> Service::Answer(const HttpRequest& request, const Rou
     return Problem{.code = ErrorCode::kDraining, .detail = "this server is shutting down"};
   }
   if (auto problem = CheckContentEncoding(request)) return *std::move(problem);
-  Call call{.request = request, .name = match.name, .timing = {}};
-  auto answer = match.handler(services_, call);
-  timing = call.timing;
+  RoutedRequest routed{.http = request, .path_parameter = match.path_parameter, .timing = {}};
+  auto answer = match.handler(context_, routed);
+  timing = routed.timing;
   return answer;
 }
 

@@ -58,7 +58,7 @@ class Service final : public HttpHandler {
   std::atomic<std::uint64_t> clients_gone_{0};
   Admission admission_;
   RequestMemory memory_;
-  const Services services_;
+  const HandlerContext context_;
 };
 
 }  // namespace kdray::server

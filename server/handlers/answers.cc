@@ -25,9 +25,9 @@ std::string_view Trim(std::string_view text) {
 
 }  // namespace
 
-api::Outcome<RequestBody> ReadWholeBody(const Services& services, const Call& call,
+api::Outcome<RequestBody> ReadWholeBody(const HandlerContext& context, const RoutedRequest& routed,
                                         std::uint64_t max_bytes) {
-  HttpPeer& peer = *call.request.peer;
+  HttpPeer& peer = *routed.http.peer;
   const std::uint64_t size = peer.body_size();
   if (size > max_bytes) {
     return Problem{.code = ErrorCode::kBodyTooLarge,
@@ -36,8 +36,8 @@ api::Outcome<RequestBody> ReadWholeBody(const Services& services, const Call& ca
                    .limit = static_cast<double>(max_bytes),
                    .actual = static_cast<double>(size)};
   }
-  if (auto problem = services.memory.Check(size * kMemoryPerBodyByte)) return *std::move(problem);
-  RequestMemory::Body body(&services.memory, kMemoryPerBodyByte);
+  if (auto problem = context.memory.Check(size * kMemoryPerBodyByte)) return *std::move(problem);
+  RequestMemory::Body body(&context.memory, kMemoryPerBodyByte);
   std::vector<std::byte> piece(std::min<std::uint64_t>(size, kBodyPieceBytes));
   for (std::uint64_t taken = 0; taken < size;) {
     const auto count = peer.ReadBody(piece);
@@ -48,8 +48,8 @@ api::Outcome<RequestBody> ReadWholeBody(const Services& services, const Call& ca
   return body.Finish();
 }
 
-api::Check RefuseBody(const Call& call) {
-  const std::uint64_t size = call.request.peer->body_size();
+api::Check RefuseBody(const RoutedRequest& routed) {
+  const std::uint64_t size = routed.http.peer->body_size();
   if (size == 0) return std::nullopt;
   return Problem{.code = ErrorCode::kMalformedRequest,
                  .detail = "this request takes no body",
@@ -57,8 +57,8 @@ api::Check RefuseBody(const Call& call) {
                  .actual = static_cast<double>(size)};
 }
 
-void SetCaching(HttpResponse& response, const Services& services, Caching caching) {
-  const std::string who = services.with_tokens ? "private" : "public";
+void SetCaching(HttpResponse& response, const HandlerContext& context, Caching caching) {
+  const std::string who = context.with_tokens ? "private" : "public";
   switch (caching) {
     case Caching::kForever:
       return response.headers.Set("Cache-Control", who + ", max-age=31536000, immutable");
@@ -101,11 +101,11 @@ bool ClientHas(const HttpRequest& request, std::string_view etag) {
   return false;
 }
 
-HttpResponse NotModified(const Services& services, std::string_view etag, Caching caching) {
+HttpResponse NotModified(const HandlerContext& context, std::string_view etag, Caching caching) {
   HttpResponse response;
   response.status = 304;
   response.headers.Add("ETag", etag);
-  SetCaching(response, services, caching);
+  SetCaching(response, context, caching);
   return response;
 }
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "server/call.h"
+#include "server/handler.h"
 
 namespace kdray::server {
 
@@ -15,11 +15,11 @@ using RequestBody = RequestMemory::Body::Whole;
 /// body_too_large beyond `max_bytes`, memory_full, or what ReadBody() of the peer says. Takes
 /// several times the body, for what is made from it (rows in memory, the answer), as its bytes
 /// arrive. A declared length for which there is no memory now is refused before a byte is read.
-api::Outcome<RequestBody> ReadWholeBody(const Services& services, const Call& call,
+api::Outcome<RequestBody> ReadWholeBody(const HandlerContext& context, const RoutedRequest& routed,
                                         std::uint64_t max_bytes);
 
 /// For requests that take no body although their method does: malformed_request when there is one.
-api::Check RefuseBody(const Call& call);
+api::Check RefuseBody(const RoutedRequest& routed);
 
 /// How long, and by whom, an answer may be kept.
 enum class Caching : std::uint8_t {
@@ -28,7 +28,7 @@ enum class Caching : std::uint8_t {
   kRevalidate,  ///< ask each time
   kNever,
 };
-void SetCaching(HttpResponse& response, const Services& services, Caching caching);
+void SetCaching(HttpResponse& response, const HandlerContext& context, Caching caching);
 
 /// A strong validator, quoted, over all that the answer's bytes depend on. The version is added
 /// here.
@@ -41,7 +41,7 @@ std::string Quoted(std::string_view tag);
 bool ClientHas(const HttpRequest& request, std::string_view etag);
 
 /// 304: what the client has still holds.
-HttpResponse NotModified(const Services& services, std::string_view etag, Caching caching);
+HttpResponse NotModified(const HandlerContext& context, std::string_view etag, Caching caching);
 
 HttpResponse JsonAnswer(int status, std::string json);
 

@@ -6,7 +6,7 @@
 #include "api/answer_codec.h"
 #include "api/request_codec.h"
 #include "server/handlers/answers.h"
-#include "server/handlers/work.h"
+#include "server/handlers/computation.h"
 
 namespace kdray::server {
 namespace {
@@ -16,25 +16,26 @@ constexpr TimeLimit kTimeLimit{.ms = 30000, .default_ms = 30000, .parameter = {}
 
 }  // namespace
 
-api::Outcome<HttpResponse> GetCells(const Services& services, Call& call) {
-  const auto request = api::DecodeCells(call.request.query, services.limits);
+api::Outcome<HttpResponse> GetCells(const HandlerContext& context, RoutedRequest& routed) {
+  const auto request = api::DecodeCells(routed.http.query_string, context.limits);
   if (!request) return request.problem();
-  if (auto problem = services.backend.Find(call.name)) return *std::move(problem);
-  const std::string etag = MakeEtag("cells", call.name, api::CanonicalQuery(*request));
-  if (ClientHas(call.request, etag)) return NotModified(services, etag, Caching::kHour);
+  if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
+  const std::string etag = MakeEtag("cells", routed.path_parameter, api::CanonicalQuery(*request));
+  if (ClientHas(routed.http, etag)) return NotModified(context, etag, Caching::kHour);
 
-  const auto work = BeginWork(services, call, TreeUse::kCells, kTimeLimit);
-  if (!work) return work.problem();
+  const auto computation = BeginComputation(context, routed, TreeUse::kCells, kTimeLimit);
+  if (!computation) return computation.problem();
   const Stopwatch tracing;
-  const auto cells = work->tree->Cells(static_cast<std::uint32_t>(request->depth), work->cancel);
+  const auto cells =
+      computation->tree->Cells(static_cast<std::uint32_t>(request->depth), computation->cancel);
   if (!cells) return kTimeLimit.Explain(cells.problem());
-  call.timing.trace_ms = tracing.ms();
+  routed.timing.trace_ms = tracing.ms();
 
   const Stopwatch encoding;
   HttpResponse response = JsonAnswer(200, api::EncodeCells(*cells));
-  call.timing.encode_ms = encoding.ms();
+  routed.timing.encode_ms = encoding.ms();
   response.headers.Add("ETag", etag);
-  SetCaching(response, services, Caching::kHour);
+  SetCaching(response, context, Caching::kHour);
   return response;
 }
 

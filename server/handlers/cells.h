@@ -1,10 +1,10 @@
 // The boxes of a tree: /v1/trees/{id}/cells.
 #pragma once
 
-#include "server/call.h"
+#include "server/handler.h"
 
 namespace kdray::server {
 
-api::Outcome<HttpResponse> GetCells(const Services& services, Call& call);
+api::Outcome<HttpResponse> GetCells(const HandlerContext& context, RoutedRequest& routed);
 
 }  // namespace kdray::server

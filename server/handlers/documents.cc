@@ -24,26 +24,26 @@ constexpr std::string_view kTextPagePolicy =
     "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'";
 
-HttpResponse HtmlAnswer(const Services& services, HttpBody body, std::string_view policy) {
+HttpResponse HtmlAnswer(const HandlerContext& context, HttpBody body, std::string_view policy) {
   HttpResponse response;
   response.body = std::move(body);
   response.headers.Add("Content-Type", "text/html; charset=utf-8");
   response.headers.Add("Content-Security-Policy", policy);
   response.headers.Add("Referrer-Policy", "no-referrer");
-  SetCaching(response, services, Caching::kRevalidate);
+  SetCaching(response, context, Caching::kRevalidate);
   return response;
 }
 
 }  // namespace
 
-api::Outcome<HttpResponse> GetViewerFile(const Services& services, Call& call) {
+api::Outcome<HttpResponse> GetViewerFile(const HandlerContext& context, RoutedRequest& routed) {
   // Parameters are the page's own: nothing here depends on them.
   for (const ViewerFile& file : ViewerFiles()) {
-    if (file.path != call.request.path) continue;
-    if (ClientHas(call.request, file.etag)) {
-      return NotModified(services, file.etag, Caching::kRevalidate);
+    if (file.path != routed.http.path) continue;
+    if (ClientHas(routed.http, file.etag)) {
+      return NotModified(context, file.etag, Caching::kRevalidate);
     }
-    HttpResponse response = HtmlAnswer(services, HttpBody::Static(file.bytes), kViewerPolicy);
+    HttpResponse response = HtmlAnswer(context, HttpBody::Static(file.bytes), kViewerPolicy);
     response.headers.Set("Content-Type", file.content_type);
     response.headers.Add("ETag", file.etag);
     return response;
@@ -51,48 +51,48 @@ api::Outcome<HttpResponse> GetViewerFile(const Services& services, Call& call) {
   return Problem{.code = ErrorCode::kNotFound, .detail = "the viewer has no such file"};
 }
 
-api::Outcome<HttpResponse> GetHealth(const Services& services, Call& call) {
-  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+api::Outcome<HttpResponse> GetHealth(const HandlerContext& context, RoutedRequest& routed) {
+  if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
   HttpResponse response = JsonAnswer(200, R"({"status":"ok"})");
-  SetCaching(response, services, Caching::kNever);
+  SetCaching(response, context, Caching::kNever);
   return response;
 }
 
-api::Outcome<HttpResponse> GetReadiness(const Services& services, Call& call) {
-  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
-  if (services.draining) {
+api::Outcome<HttpResponse> GetReadiness(const HandlerContext& context, RoutedRequest& routed) {
+  if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
+  if (context.draining) {
     return Problem{.code = ErrorCode::kDraining, .detail = "this server is shutting down"};
   }
   HttpResponse response = JsonAnswer(200, R"({"status":"ready"})");
-  SetCaching(response, services, Caching::kNever);
+  SetCaching(response, context, Caching::kNever);
   return response;
 }
 
-api::Outcome<HttpResponse> GetCapabilities(const Services& services, Call& call) {
-  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
-  HttpResponse response = JsonAnswer(200, api::EncodeCapabilities(KDRAY_VERSION, services.limits));
-  SetCaching(response, services, Caching::kRevalidate);
+api::Outcome<HttpResponse> GetCapabilities(const HandlerContext& context, RoutedRequest& routed) {
+  if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
+  HttpResponse response = JsonAnswer(200, api::EncodeCapabilities(KDRAY_VERSION, context.limits));
+  SetCaching(response, context, Caching::kRevalidate);
   return response;
 }
 
-api::Outcome<HttpResponse> GetOpenApi(const Services& services, Call& call) {
-  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+api::Outcome<HttpResponse> GetOpenApi(const HandlerContext& context, RoutedRequest& routed) {
+  if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
   HttpResponse response;
   response.body = HttpBody::Static(api::OpenApiJson());
   response.headers.Add("Content-Type", "application/json");
-  SetCaching(response, services, Caching::kRevalidate);
+  SetCaching(response, context, Caching::kRevalidate);
   return response;
 }
 
-api::Outcome<HttpResponse> GetDocs(const Services& services, Call& call) {
-  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+api::Outcome<HttpResponse> GetDocs(const HandlerContext& context, RoutedRequest& routed) {
+  if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
   static const std::string page = MakeContractPage(api::OpenApiJson());
-  return HtmlAnswer(services, HttpBody::Static(page), kTextPagePolicy);
+  return HtmlAnswer(context, HttpBody::Static(page), kTextPagePolicy);
 }
 
-api::Outcome<HttpResponse> GetProblemPage(const Services& services, Call& call) {
-  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
-  const auto code = api::ParseErrorCode(call.name);
+api::Outcome<HttpResponse> GetProblemPage(const HandlerContext& context, RoutedRequest& routed) {
+  if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
+  const auto code = api::ParseErrorCode(routed.path_parameter);
   if (!code) {
     return Problem{.code = ErrorCode::kNotFound, .detail = "there is no problem of this name"};
   }
@@ -101,7 +101,7 @@ api::Outcome<HttpResponse> GetProblemPage(const Services& services, Call& call) 
                            EscapeHtml(api::Name(row.code)) + "</code>, HTTP status " +
                            std::to_string(row.status) + "</p>\n<p>" + EscapeHtml(row.meaning) +
                            "</p>\n<p><a href=\"/docs#problems\">All problems</a></p>\n";
-  return HtmlAnswer(services, TextPage(row.title, body), kTextPagePolicy);
+  return HtmlAnswer(context, TextPage(row.title, body), kTextPagePolicy);
 }
 
 }  // namespace kdray::server

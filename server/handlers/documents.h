@@ -1,16 +1,16 @@
 // What the service says about itself: its health, its contract, its pages.
 #pragma once
 
-#include "server/call.h"
+#include "server/handler.h"
 
 namespace kdray::server {
 
-api::Outcome<HttpResponse> GetViewerFile(const Services& services, Call& call);
-api::Outcome<HttpResponse> GetHealth(const Services& services, Call& call);
-api::Outcome<HttpResponse> GetReadiness(const Services& services, Call& call);
-api::Outcome<HttpResponse> GetCapabilities(const Services& services, Call& call);
-api::Outcome<HttpResponse> GetOpenApi(const Services& services, Call& call);
-api::Outcome<HttpResponse> GetDocs(const Services& services, Call& call);
-api::Outcome<HttpResponse> GetProblemPage(const Services& services, Call& call);
+api::Outcome<HttpResponse> GetViewerFile(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> GetHealth(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> GetReadiness(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> GetCapabilities(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> GetOpenApi(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> GetDocs(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> GetProblemPage(const HandlerContext& context, RoutedRequest& routed);
 
 }  // namespace kdray::server

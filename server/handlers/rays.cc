@@ -7,7 +7,7 @@
 #include "api/names.h"
 #include "api/request_codec.h"
 #include "server/handlers/answers.h"
-#include "server/handlers/work.h"
+#include "server/handlers/computation.h"
 
 namespace kdray::server {
 namespace {
@@ -15,13 +15,13 @@ namespace {
 /// What the queries have in common. `trace(tree, rays, cancel)` asks the tree, `encode(answer,
 /// rays, type, should_stop)` makes the bytes.
 template <class Trace, class Encode>
-api::Outcome<HttpResponse> AnswerBatch(const Services& services, Call& call,
+api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequest& routed,
                                        const api::RayOptions& options, const Trace& trace,
                                        const Encode& encode) {
-  if (auto problem = services.backend.Find(call.name)) return *std::move(problem);
-  auto body = ReadWholeBody(services, call, services.limits.MaxBatchBytes());
+  if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
+  auto body = ReadWholeBody(context, routed, context.limits.MaxBatchBytes());
   if (!body) return std::move(body).problem();
-  const HttpHeaders& headers = call.request.headers;
+  const HttpHeaders& headers = routed.http.headers;
   const auto type = api::DetectBatchType(body->text, headers.Find("Content-Type"));
   if (!type) return type.problem();
   const auto answer_type = api::ChooseAnswerType(headers.Find("Accept"), *type);
@@ -30,40 +30,42 @@ api::Outcome<HttpResponse> AnswerBatch(const Services& services, Call& call,
   const TimeLimit limit{.ms = options.deadline_ms,
                         .default_ms = api::RayOptions().deadline_ms,
                         .parameter = "deadline_ms"};
-  const auto work = BeginWork(services, call, TreeUse::kRays, limit);
-  if (!work) return work.problem();
-  const api::ShouldStop should_stop = [&cancel = work->cancel] { return cancel.ShouldStop(); };
+  const auto computation = BeginComputation(context, routed, TreeUse::kRays, limit);
+  if (!computation) return computation.problem();
+  const api::ShouldStop should_stop = [&cancel = computation->cancel] {
+    return cancel.ShouldStop();
+  };
   const Stopwatch parsing;
-  const auto rays = api::DecodeRays(body->text, *type, options, services.limits, should_stop);
-  if (!rays) return should_stop() ? limit.Explain(work->WhyStopped()) : rays.problem();
+  const auto rays = api::DecodeRays(body->text, *type, options, context.limits, should_stop);
+  if (!rays) return should_stop() ? limit.Explain(computation->WhyStopped()) : rays.problem();
   body->text = std::string();  // from here on the rows are enough
-  call.timing.parse_ms = parsing.ms();
+  routed.timing.parse_ms = parsing.ms();
 
-  const auto answer = trace(*work->tree, *rays, work->cancel);
+  const auto answer = trace(*computation->tree, *rays, computation->cancel);
   if (!answer) return limit.Explain(answer.problem());
-  call.timing.trace_ms = answer->trace_ms;
+  routed.timing.trace_ms = answer->trace_ms;
 
   const Stopwatch encoding;
   std::string bytes = encode(*answer, *rays, *answer_type, should_stop);
-  if (bytes.empty()) return limit.Explain(work->WhyStopped());
+  if (bytes.empty()) return limit.Explain(computation->WhyStopped());
   HttpResponse response;
   response.body = std::move(bytes);
-  call.timing.encode_ms = encoding.ms();
+  routed.timing.encode_ms = encoding.ms();
   response.headers.Add("Content-Type", api::ContentType(*answer_type));
   response.headers.Add("Vary", "Accept");
   response.headers.Add("Kdray-Precision", api::Name(answer->precision));
   response.headers.Add("Kdray-Invalid", std::to_string(answer->invalid.size()));
-  SetCaching(response, services, Caching::kNever);
+  SetCaching(response, context, Caching::kNever);
   return response;
 }
 
 }  // namespace
 
-api::Outcome<HttpResponse> PostRaysClosest(const Services& services, Call& call) {
-  const auto options = api::DecodeClosestOptions(call.request.query, services.limits);
+api::Outcome<HttpResponse> PostRaysClosest(const HandlerContext& context, RoutedRequest& routed) {
+  const auto options = api::DecodeClosestOptions(routed.http.query_string, context.limits);
   if (!options) return options.problem();
   return AnswerBatch(
-      services, call, *options,
+      context, routed, *options,
       [&](const LoadedTree& tree, const api::RayTable& rays, const CancelToken& cancel) {
         return tree.Closest(rays, *options, cancel);
       },
@@ -73,11 +75,11 @@ api::Outcome<HttpResponse> PostRaysClosest(const Services& services, Call& call)
       });
 }
 
-api::Outcome<HttpResponse> PostRaysAny(const Services& services, Call& call) {
-  const auto options = api::DecodeAnyOptions(call.request.query, services.limits);
+api::Outcome<HttpResponse> PostRaysAny(const HandlerContext& context, RoutedRequest& routed) {
+  const auto options = api::DecodeAnyOptions(routed.http.query_string, context.limits);
   if (!options) return options.problem();
   return AnswerBatch(
-      services, call, *options,
+      context, routed, *options,
       [&](const LoadedTree& tree, const api::RayTable& rays, const CancelToken& cancel) {
         return tree.Any(rays, *options, cancel);
       },

@@ -1,11 +1,11 @@
 // Batches of ray queries: /v1/trees/{id}/rays/….
 #pragma once
 
-#include "server/call.h"
+#include "server/handler.h"
 
 namespace kdray::server {
 
-api::Outcome<HttpResponse> PostRaysClosest(const Services& services, Call& call);
-api::Outcome<HttpResponse> PostRaysAny(const Services& services, Call& call);
+api::Outcome<HttpResponse> PostRaysClosest(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> PostRaysAny(const HandlerContext& context, RoutedRequest& routed);
 
 }  // namespace kdray::server

@@ -12,7 +12,7 @@
 #include "api/names.h"
 #include "api/request_codec.h"
 #include "server/handlers/answers.h"
-#include "server/handlers/work.h"
+#include "server/handlers/computation.h"
 
 namespace kdray::server {
 namespace {
@@ -32,21 +32,21 @@ std::uint64_t Pixels(const api::RenderRequest& request) {
   return area(request.region->x1 - request.region->x0, request.region->y1 - request.region->y0);
 }
 
-api::Outcome<HttpResponse> AnswerRender(const Services& services, Call& call,
+api::Outcome<HttpResponse> AnswerRender(const HandlerContext& context, RoutedRequest& routed,
                                         const api::RenderRequest& request, ImageForm form) {
   const std::uint64_t per_pixel =
       kMemoryPerPixel + (request.budget_ms ? kMemoryPerRefinedPixel : 0);
-  const auto memory = services.memory.Take(Pixels(request) * per_pixel);
+  const auto memory = context.memory.Take(Pixels(request) * per_pixel);
   if (!memory) return memory.problem();
   const TimeLimit limit{.ms = request.deadline_ms,
                         .default_ms = api::RenderRequest().deadline_ms,
                         .parameter = "deadline_ms"};
   const TreeUse use = request.cells_depth ? TreeUse::kCells : TreeUse::kRays;
-  const auto work = BeginWork(services, call, use, limit);
-  if (!work) return work.problem();
-  auto answer = work->tree->Render(request, form == ImageForm::kPng, work->cancel);
+  const auto computation = BeginComputation(context, routed, use, limit);
+  if (!computation) return computation.problem();
+  auto answer = computation->tree->Render(request, form == ImageForm::kPng, computation->cancel);
   if (!answer) return limit.Explain(std::move(answer).problem());
-  call.timing.trace_ms = answer->trace_ms;
+  routed.timing.trace_ms = answer->trace_ms;
 
   const Stopwatch encoding;
   HttpResponse response;
@@ -55,7 +55,7 @@ api::Outcome<HttpResponse> AnswerRender(const Services& services, Call& call,
   } else {
     response.body = api::EncodeImage(std::get<api::ImageArray>(answer->image));
   }
-  call.timing.encode_ms = answer->encode_ms + encoding.ms();
+  routed.timing.encode_ms = answer->encode_ms + encoding.ms();
   response.headers.Add("Content-Type", form == ImageForm::kPng ? "image/png" : "application/x-npy");
   response.headers.Add("Kdray-Precision", api::Name(answer->precision));
   response.headers.Add("Kdray-Samples", api::NumberText(answer->samples));
@@ -69,22 +69,23 @@ bool IsCut(const HttpResponse& response) {
   return stopped && *stopped == api::Name(api::Stopped::kBudget);
 }
 
-api::Outcome<HttpResponse> Get(const Services& services, Call& call, ImageForm form) {
-  const auto request = api::DecodeRenderQuery(call.request.query, form, services.limits);
+api::Outcome<HttpResponse> Get(const HandlerContext& context, RoutedRequest& routed,
+                               ImageForm form) {
+  const auto request = api::DecodeRenderQuery(routed.http.query_string, form, context.limits);
   if (!request) return request.problem();
-  if (auto problem = services.backend.Find(call.name)) return *std::move(problem);
+  if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
   const std::string etag = MakeEtag(form == ImageForm::kPng ? "render.png" : "render.npy",
-                                    call.name, api::CanonicalQuery(*request));
-  if (ClientHas(call.request, etag)) return NotModified(services, etag, Caching::kHour);
-  auto response = AnswerRender(services, call, *request, form);
+                                    routed.path_parameter, api::CanonicalQuery(*request));
+  if (ClientHas(routed.http, etag)) return NotModified(context, etag, Caching::kHour);
+  auto response = AnswerRender(context, routed, *request, form);
   if (!response) return response;
   // The next one may come farther in its time.
   if (IsCut(*response)) {
-    SetCaching(*response, services, Caching::kNever);
+    SetCaching(*response, context, Caching::kNever);
     return response;
   }
   response->headers.Add("ETag", etag);
-  SetCaching(*response, services, Caching::kHour);
+  SetCaching(*response, context, Caching::kHour);
   return response;
 }
 
@@ -96,35 +97,36 @@ api::Problem WithPointer(api::Problem problem) {
   return problem;
 }
 
-api::Outcome<HttpResponse> Post(const Services& services, Call& call, ImageForm form) {
-  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
-  if (auto problem = services.backend.Find(call.name)) return *std::move(problem);
-  const auto body = ReadWholeBody(services, call, services.limits.max_json_body_bytes);
+api::Outcome<HttpResponse> Post(const HandlerContext& context, RoutedRequest& routed,
+                                ImageForm form) {
+  if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
+  if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
+  const auto body = ReadWholeBody(context, routed, context.limits.max_json_body_bytes);
   if (!body) return body.problem();
   const Stopwatch parsing;
   const auto request = api::DecodeRenderBody(
-      body->text, form, call.request.headers.Find("Content-Type"), services.limits);
+      body->text, form, routed.http.headers.Find("Content-Type"), context.limits);
   if (!request) return request.problem();
-  call.timing.parse_ms = parsing.ms();
-  auto response = AnswerRender(services, call, *request, form);
+  routed.timing.parse_ms = parsing.ms();
+  auto response = AnswerRender(context, routed, *request, form);
   if (!response) return WithPointer(std::move(response).problem());
-  SetCaching(*response, services, Caching::kNever);
+  SetCaching(*response, context, Caching::kNever);
   return response;
 }
 
 }  // namespace
 
-api::Outcome<HttpResponse> GetRenderPng(const Services& services, Call& call) {
-  return Get(services, call, ImageForm::kPng);
+api::Outcome<HttpResponse> GetRenderPng(const HandlerContext& context, RoutedRequest& routed) {
+  return Get(context, routed, ImageForm::kPng);
 }
-api::Outcome<HttpResponse> PostRenderPng(const Services& services, Call& call) {
-  return Post(services, call, ImageForm::kPng);
+api::Outcome<HttpResponse> PostRenderPng(const HandlerContext& context, RoutedRequest& routed) {
+  return Post(context, routed, ImageForm::kPng);
 }
-api::Outcome<HttpResponse> GetRenderNpy(const Services& services, Call& call) {
-  return Get(services, call, ImageForm::kNpy);
+api::Outcome<HttpResponse> GetRenderNpy(const HandlerContext& context, RoutedRequest& routed) {
+  return Get(context, routed, ImageForm::kNpy);
 }
-api::Outcome<HttpResponse> PostRenderNpy(const Services& services, Call& call) {
-  return Post(services, call, ImageForm::kNpy);
+api::Outcome<HttpResponse> PostRenderNpy(const HandlerContext& context, RoutedRequest& routed) {
+  return Post(context, routed, ImageForm::kNpy);
 }
 
 }  // namespace kdray::server

@@ -2,13 +2,13 @@
 // (POST).
 #pragma once
 
-#include "server/call.h"
+#include "server/handler.h"
 
 namespace kdray::server {
 
-api::Outcome<HttpResponse> GetRenderPng(const Services& services, Call& call);
-api::Outcome<HttpResponse> PostRenderPng(const Services& services, Call& call);
-api::Outcome<HttpResponse> GetRenderNpy(const Services& services, Call& call);
-api::Outcome<HttpResponse> PostRenderNpy(const Services& services, Call& call);
+api::Outcome<HttpResponse> GetRenderPng(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> PostRenderPng(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> GetRenderNpy(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> PostRenderNpy(const HandlerContext& context, RoutedRequest& routed);
 
 }  // namespace kdray::server

@@ -22,11 +22,11 @@ constexpr std::size_t kUploadPieceBytes = 256 * 1024;
 
 /// Takes the mesh from the connection to the store. Refusals that need no byte of it come before
 /// the first.
-api::Outcome<MeshUpload::Stored> StoreBody(const Services& services, const Call& call,
-                                           api::Build build) {
-  HttpPeer& peer = *call.request.peer;
+api::Outcome<MeshUpload::Stored> StoreBody(const HandlerContext& context,
+                                           const RoutedRequest& routed, api::Build build) {
+  HttpPeer& peer = *routed.http.peer;
   const std::uint64_t size = peer.body_size();
-  const std::uint64_t limit = services.limits.max_upload_bytes;
+  const std::uint64_t limit = context.limits.max_upload_bytes;
   if (size > limit) {
     return Problem{.code = ErrorCode::kMeshTooLarge,
                    .detail = "the mesh has " + std::to_string(size) + " bytes, at most " +
@@ -36,7 +36,7 @@ api::Outcome<MeshUpload::Stored> StoreBody(const Services& services, const Call&
   }
   if (size == 0) return Problem{.code = ErrorCode::kEmptyMesh, .detail = "the body is empty"};
 
-  auto upload = services.backend.BeginUpload(size);
+  auto upload = context.backend.BeginUpload(size);
   if (!upload) return std::move(upload).problem();
   std::vector<std::byte> piece(std::min<std::uint64_t>(size, kUploadPieceBytes));
   for (std::uint64_t taken = 0; taken < size;) {
@@ -50,86 +50,87 @@ api::Outcome<MeshUpload::Stored> StoreBody(const Services& services, const Call&
   return (*upload)->Finish(build);
 }
 
-api::Outcome<MeshUpload::Stored> Store(const Services& services, const Call& call,
+api::Outcome<MeshUpload::Stored> Store(const HandlerContext& context, const RoutedRequest& routed,
                                        const api::UploadRequest& request) {
-  if (!request.mesh) return StoreBody(services, call, request.build);
-  if (auto problem = RefuseBody(call)) return *std::move(problem);
-  return services.backend.BuildStored(*request.mesh, request.build);
+  if (!request.mesh) return StoreBody(context, routed, request.build);
+  if (auto problem = RefuseBody(routed)) return *std::move(problem);
+  return context.backend.BuildStored(*request.mesh, request.build);
 }
 
 /// Describes the tree once it is built, or when the client has waited long enough.
-api::Outcome<api::TreeDescription> DescribeWithin(const Services& services, const Call& call,
-                                                  std::string_view id, std::int64_t wait_ms) {
+api::Outcome<api::TreeDescription> DescribeWithin(const HandlerContext& context,
+                                                  const RoutedRequest& routed, std::string_view id,
+                                                  std::int64_t wait_ms) {
   const auto now = std::chrono::steady_clock::now();
-  if (wait_ms == 0) return services.backend.Describe(id, now, CancelToken());
+  if (wait_ms == 0) return context.backend.Describe(id, now, CancelToken());
   const auto cancel = CancelToken::Cancellable();
-  const auto watch = call.request.peer->CancelWhenGone(cancel);
-  return services.backend.Describe(id, now + std::chrono::milliseconds(wait_ms), cancel);
+  const auto watch = routed.http.peer->CancelWhenGone(cancel);
+  return context.backend.Describe(id, now + std::chrono::milliseconds(wait_ms), cancel);
 }
 
 }  // namespace
 
-api::Outcome<HttpResponse> PostTree(const Services& services, Call& call) {
-  const auto request = api::DecodeUpload(call.request.query, services.limits);
+api::Outcome<HttpResponse> PostTree(const HandlerContext& context, RoutedRequest& routed) {
+  const auto request = api::DecodeUpload(routed.http.query_string, context.limits);
   if (!request) return request.problem();
 
   const Stopwatch receiving;
-  const auto stored = Store(services, call, *request);
+  const auto stored = Store(context, routed, *request);
   if (!stored) return stored.problem();
-  call.timing.parse_ms = receiving.ms();
+  routed.timing.parse_ms = receiving.ms();
 
-  const auto tree = DescribeWithin(services, call, stored->id, request->wait_ms);
+  const auto tree = DescribeWithin(context, routed, stored->id, request->wait_ms);
   if (!tree) return tree.problem();
   if (!stored->existed && tree->tree) {
-    *call.timing.parse_ms += tree->tree->parse_ms;
-    call.timing.build_ms = tree->tree->build_ms;
+    *routed.timing.parse_ms += tree->tree->parse_ms;
+    routed.timing.build_ms = tree->tree->build_ms;
   }
   const int status = !tree->ready ? 202 : stored->existed ? 200 : 201;
   HttpResponse response = JsonAnswer(status, api::EncodeDescription(*tree));
   if (status != 200) response.headers.Add("Location", "/v1/trees/" + stored->id);
-  SetCaching(response, services, Caching::kNever);
+  SetCaching(response, context, Caching::kNever);
   return response;
 }
 
-api::Outcome<HttpResponse> ListTrees(const Services& services, Call& call) {
-  const auto request = api::DecodeList(call.request.query, services.limits);
+api::Outcome<HttpResponse> ListTrees(const HandlerContext& context, RoutedRequest& routed) {
+  const auto request = api::DecodeList(routed.http.query_string, context.limits);
   if (!request) return request.problem();
-  const auto page = services.backend.List(request->mesh, static_cast<std::size_t>(request->limit),
-                                          request->after);
+  const auto page =
+      context.backend.List(request->mesh, static_cast<std::size_t>(request->limit), request->after);
   if (!page) return page.problem();
   HttpResponse response = JsonAnswer(200, api::EncodePage(*page));
-  SetCaching(response, services, Caching::kRevalidate);
+  SetCaching(response, context, Caching::kRevalidate);
   return response;
 }
 
-api::Outcome<HttpResponse> GetTree(const Services& services, Call& call) {
-  const auto request = api::DecodeDescribe(call.request.query, services.limits);
+api::Outcome<HttpResponse> GetTree(const HandlerContext& context, RoutedRequest& routed) {
+  const auto request = api::DecodeDescribe(routed.http.query_string, context.limits);
   if (!request) return request.problem();
-  const auto tree = DescribeWithin(services, call, call.name, request->wait_ms);
+  const auto tree = DescribeWithin(context, routed, routed.path_parameter, request->wait_ms);
   if (!tree) return tree.problem();
   HttpResponse response = JsonAnswer(200, api::EncodeDescription(*tree));
-  SetCaching(response, services, Caching::kRevalidate);
+  SetCaching(response, context, Caching::kRevalidate);
   return response;
 }
 
-api::Outcome<HttpResponse> DeleteTree(const Services& services, Call& call) {
-  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
-  if (auto problem = services.backend.Delete(call.name)) return *std::move(problem);
+api::Outcome<HttpResponse> DeleteTree(const HandlerContext& context, RoutedRequest& routed) {
+  if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
+  if (auto problem = context.backend.Delete(routed.path_parameter)) return *std::move(problem);
   HttpResponse response;
   response.status = 204;
-  SetCaching(response, services, Caching::kNever);
+  SetCaching(response, context, Caching::kNever);
   return response;
 }
 
-api::Outcome<HttpResponse> GetMesh(const Services& services, Call& call) {
-  if (auto problem = api::CheckNoParameters(call.request.query)) return *std::move(problem);
+api::Outcome<HttpResponse> GetMesh(const HandlerContext& context, RoutedRequest& routed) {
+  if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
   const auto cancel = CancelToken::Cancellable();
-  const auto watch = call.request.peer->CancelWhenGone(cancel);
-  auto opened = services.backend.OpenMesh(call.name, cancel);
+  const auto watch = routed.http.peer->CancelWhenGone(cancel);
+  auto opened = context.backend.OpenMesh(routed.path_parameter, cancel);
   if (!opened) return std::move(opened).problem();
   // The id begins with the digest of these very bytes.
-  const std::string etag = Quoted(call.name.substr(0, call.name.find('-')));
-  if (ClientHas(call.request, etag)) return NotModified(services, etag, Caching::kForever);
+  const std::string etag = Quoted(routed.path_parameter.substr(0, routed.path_parameter.find('-')));
+  if (ClientHas(routed.http, etag)) return NotModified(context, etag, Caching::kForever);
 
   const std::shared_ptr<MeshBytes> mesh = *std::move(opened);
   HttpResponse response;
@@ -138,7 +139,7 @@ api::Outcome<HttpResponse> GetMesh(const Services& services, Call& call) {
       [mesh](std::uint64_t offset, std::span<std::byte> out) { return mesh->Read(offset, out); });
   response.headers.Add("Content-Type", "application/octet-stream");
   response.headers.Add("ETag", etag);
-  SetCaching(response, services, Caching::kForever);
+  SetCaching(response, context, Caching::kForever);
   return response;
 }
 

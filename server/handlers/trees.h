@@ -1,14 +1,14 @@
 // Meshes in, tree ids out: /v1/trees and below.
 #pragma once
 
-#include "server/call.h"
+#include "server/handler.h"
 
 namespace kdray::server {
 
-api::Outcome<HttpResponse> PostTree(const Services& services, Call& call);
-api::Outcome<HttpResponse> ListTrees(const Services& services, Call& call);
-api::Outcome<HttpResponse> GetTree(const Services& services, Call& call);
-api::Outcome<HttpResponse> DeleteTree(const Services& services, Call& call);
-api::Outcome<HttpResponse> GetMesh(const Services& services, Call& call);
+api::Outcome<HttpResponse> PostTree(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> ListTrees(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> GetTree(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> DeleteTree(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> GetMesh(const HandlerContext& context, RoutedRequest& routed);
 
 }  // namespace kdray::server

@@ -120,7 +120,7 @@ std::string Exchange::Received() const {
 void Exchange::SetRequest(RequestHead head) {
   request_.method = std::move(head.method);
   request_.path = std::move(head.path);
-  request_.query = std::move(head.query);
+  request_.query_string = std::move(head.query_string);
   request_.headers = std::move(head.headers);
   request_.received = Clock::now();
 }

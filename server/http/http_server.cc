@@ -52,7 +52,7 @@ void Show(const HttpRequest& from, httplib::Request& to) {
   if (from.method.empty()) return;  // refused before it was understood
   to.method = from.method;
   to.path = from.path;
-  to.target = from.query.empty() ? from.path : from.path + "?" + from.query;
+  to.target = from.query_string.empty() ? from.path : from.path + "?" + from.query_string;
   for (const auto& [name, value] : from.headers.fields()) {
     // Exchange asks for the body when the handler wants it.
     if (!EqualsIgnoringCase(name, "Expect")) to.headers.emplace(name, value);

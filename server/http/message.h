@@ -58,8 +58,8 @@ class HttpPeer {
 
 struct HttpRequest {
   std::string method;
-  std::string path;   ///< as it came: still percent-encoded
-  std::string query;  ///< behind the '?', still percent-encoded
+  std::string path;          ///< as it came: still percent-encoded
+  std::string query_string;  ///< after the '?', still percent-encoded
   HttpHeaders headers;
   std::string remote_addr;
   HttpPeer* peer = nullptr;  ///< lives as long as the request is handled; null for a request that

@@ -120,7 +120,7 @@ class HeadParser {
       target.remove_prefix(std::min(target.find_first_of("/?"), target.size()));
       if (!target.starts_with('/')) {
         head_.path = "/";
-        head_.query = target.substr(std::min<std::size_t>(1, target.size()));
+        head_.query_string = target.substr(std::min<std::size_t>(1, target.size()));
         return std::nullopt;
       }
     }
@@ -129,7 +129,7 @@ class HeadParser {
     }
     const auto question = target.find('?');
     head_.path = target.substr(0, question);
-    if (question != std::string_view::npos) head_.query = target.substr(question + 1);
+    if (question != std::string_view::npos) head_.query_string = target.substr(question + 1);
     return std::nullopt;
   }
 

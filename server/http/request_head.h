@@ -22,9 +22,9 @@ struct HeadLimits {
 
 struct RequestHead {
   std::string method;
-  std::string path, query;  ///< origin-form, percent-encoded as they came; an absolute-form target
-                            ///< is cut down to it
-  HttpHeaders headers;      ///< values without the blanks around them
+  std::string path, query_string;  ///< origin-form, percent-encoded as they came; an absolute-form
+                                   ///< target is cut down to it
+  HttpHeaders headers;               ///< values without the blanks around them
   std::uint64_t content_length = 0;  ///< saturates
   bool expects_continue = false;
   bool keep_alive = true;

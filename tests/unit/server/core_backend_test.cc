@@ -429,9 +429,9 @@ TEST_F(CoreBackendTest, APictureOfTooManyCellsSaysSoAndHowManyItDraws) {
   request.width = request.height = 8;
   request.cells_depth = 3;
   EXPECT_TRUE(Render(id, request, true, Soon()).ok());
-  EXPECT_EQ(engine_->counters().binary_rebuilds, 1u);
+  EXPECT_EQ(backend_->counters().binary_rebuilds, 1u);
   EXPECT_TRUE(Cells(id, 3, Soon()).ok());
-  EXPECT_EQ(engine_->counters().binary_rebuilds, 1u) << "pictures and lists share it";
+  EXPECT_EQ(backend_->counters().binary_rebuilds, 1u) << "pictures and lists share it";
   request.cells_depth = 10;
   const auto many = Render(id, request, true, Soon());
   ASSERT_FALSE(many.ok());

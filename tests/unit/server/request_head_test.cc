@@ -34,7 +34,7 @@ TEST(RequestHead, KeepsTheTargetAsItCame) {
   const RequestHead head = Accepted("GET /a%20b/../c?x=%2F&y=1?2 HTTP/1.1\r\nHost: h\r\n\r\n");
   EXPECT_EQ(head.method, "GET");
   EXPECT_EQ(head.path, "/a%20b/../c");
-  EXPECT_EQ(head.query, "x=%2F&y=1?2");
+  EXPECT_EQ(head.query_string, "x=%2F&y=1?2");
 }
 
 TEST(RequestHead, KeepsHeaderValuesAsTheyCameButForTheBlanksAround) {
@@ -46,9 +46,9 @@ TEST(RequestHead, KeepsHeaderValuesAsTheyCameButForTheBlanksAround) {
 
 TEST(RequestHead, CutsAnAbsoluteTargetDownToItsPath) {
   EXPECT_EQ(Accepted("GET http://h:80/v1?a=b HTTP/1.1\r\nHost: h\r\n\r\n").path, "/v1");
-  EXPECT_EQ(Accepted("GET http://h:80/v1?a=b HTTP/1.1\r\nHost: h\r\n\r\n").query, "a=b");
+  EXPECT_EQ(Accepted("GET http://h:80/v1?a=b HTTP/1.1\r\nHost: h\r\n\r\n").query_string, "a=b");
   EXPECT_EQ(Accepted("GET http://h HTTP/1.1\r\nHost: h\r\n\r\n").path, "/");
-  EXPECT_EQ(Accepted("GET HTTP://h?q HTTP/1.1\r\nHost: h\r\n\r\n").query, "q");
+  EXPECT_EQ(Accepted("GET HTTP://h?q HTTP/1.1\r\nHost: h\r\n\r\n").query_string, "q");
 }
 
 TEST(RequestHead, ReadsTheLengthOfTheBody) {

@@ -45,9 +45,9 @@ TEST(Routes, LetHeadGoWhereGetGoes) {
 }
 
 TEST(Routes, NameWhatStandsForTheBraces) {
-  EXPECT_EQ(Find("GET", "/v1/trees/abc-auto").name, "abc-auto");
-  EXPECT_EQ(Find("POST", "/v1/trees/a%2Fb/rays/any").name, "a%2Fb");
-  EXPECT_EQ(Find("GET", "/v1/trees").name, "");
+  EXPECT_EQ(Find("GET", "/v1/trees/abc-auto").path_parameter, "abc-auto");
+  EXPECT_EQ(Find("POST", "/v1/trees/a%2Fb/rays/any").path_parameter, "a%2Fb");
+  EXPECT_EQ(Find("GET", "/v1/trees").path_parameter, "");
 }
 
 TEST(Routes, KnowNoOtherPath) {

@@ -33,7 +33,8 @@ class ServiceTest : public testing::Test {
     HttpRequest request;
     request.method = std::move(method);
     request.path = target.substr(0, target.find('?'));
-    if (target.find('?') != std::string::npos) request.query = target.substr(target.find('?') + 1);
+    if (target.find('?') != std::string::npos)
+      request.query_string = target.substr(target.find('?') + 1);
     request.headers = std::move(headers);
     request.peer = &peer;
     return service_.Handle(request);

@@ -1,4 +1,4 @@
-// What a handler works with: the request, the services behind it, and the times it reports.
+// What a handler takes: the context that all share, and its request with the times it reports.
 #pragma once
 
 #include <atomic>
@@ -36,7 +36,7 @@ class Stopwatch {
 };
 
 /// What every handler may use; all of it safe from many threads at once.
-struct Services {
+struct HandlerContext {
   Backend& backend;
   const api::Limits& limits;
   Admission& admission;
@@ -45,13 +45,13 @@ struct Services {
   bool with_tokens = false;  ///< answers are for one client: caches between must not keep them
 };
 
-/// One request on its way through a handler.
-struct Call {
-  const HttpRequest& request;
-  std::string_view name;  ///< what stood in the path where the route has {…}
+/// A request with what its route says of it, and the times that its handler reports.
+struct RoutedRequest {
+  const HttpRequest& http;
+  std::string_view path_parameter;  ///< the segment of the path where the route has {…}
   ServerTiming timing;
 };
 
-using Handler = api::Outcome<HttpResponse> (*)(const Services&, Call&);
+using Handler = api::Outcome<HttpResponse> (*)(const HandlerContext&, RoutedRequest&);
 
 }  // namespace kdray::server

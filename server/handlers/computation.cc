@@ -1,4 +1,4 @@
-#include "server/handlers/work.h"
+#include "server/handlers/computation.h"
 
 #include <chrono>
 #include <string>
@@ -27,20 +27,20 @@ Problem TimeLimit::Explain(Problem problem) const {
   return problem;
 }
 
-Problem Work::WhyStopped() const { return ToProblem(cancel.ToError()); }
+Problem Computation::WhyStopped() const { return ToProblem(cancel.ToError()); }
 
-api::Outcome<Work> BeginWork(const Services& services, Call& call, TreeUse use,
-                             const TimeLimit& limit) {
+api::Outcome<Computation> BeginComputation(const HandlerContext& context, RoutedRequest& routed,
+                                           TreeUse use, const TimeLimit& limit) {
   auto cancel = CancelToken::WithDeadline(std::chrono::steady_clock::now() +
                                           std::chrono::milliseconds(limit.ms));
-  auto watch = call.request.peer->CancelWhenGone(cancel);
+  auto watch = routed.http.peer->CancelWhenGone(cancel);
   // A request that waits for its tree computes nothing: it takes no turn from others.
-  auto tree = services.backend.Acquire(call.name, use, cancel);
+  auto tree = context.backend.Acquire(routed.path_parameter, use, cancel);
   if (!tree) return limit.Explain(std::move(tree).problem());
-  auto turn = services.admission.Enter(cancel);
+  auto turn = context.admission.Enter(cancel);
   if (!turn) return limit.Explain(std::move(turn).problem());
-  call.timing.queue_ms = turn->waited_ms();
-  return Work{std::move(cancel), std::move(watch), *std::move(tree), *std::move(turn)};
+  routed.timing.queue_ms = turn->waited_ms();
+  return Computation{std::move(cancel), std::move(watch), *std::move(tree), *std::move(turn)};
 }
 
 }  // namespace kdray::server

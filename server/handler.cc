@@ -1,4 +1,4 @@
-#include "server/call.h"
+#include "server/handler.h"
 
 #include <array>
 #include <cstdio>

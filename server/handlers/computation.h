@@ -1,12 +1,12 @@
-// The way of every query, render and list of cells to the backend: the tree is built, the client is
-// there, it is its turn.
+// What every query, render and list of cells waits for before it is computed: its tree, and its
+// turn.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <string_view>
 
-#include "server/call.h"
+#include "server/handler.h"
 
 namespace kdray::server {
 
@@ -22,7 +22,7 @@ struct TimeLimit {
 };
 
 /// What must live while the backend works for a request.
-struct Work {
+struct Computation {
   CancelToken cancel;           ///< the deadline, and the client's departure
   std::shared_ptr<void> watch;  ///< for the departure
   std::unique_ptr<const LoadedTree> tree;
@@ -35,7 +35,7 @@ struct Work {
 /// Waits until the tree is built and in memory (tree_building when the limit comes first), then for
 /// a turn. The time counts from here, where the request is complete: a slow connection does not use
 /// it up.
-api::Outcome<Work> BeginWork(const Services& services, Call& call, TreeUse use,
-                             const TimeLimit& limit);
+api::Outcome<Computation> BeginComputation(const HandlerContext& context, RoutedRequest& routed,
+                                           TreeUse use, const TimeLimit& limit);
 
 }  // namespace kdray::server
