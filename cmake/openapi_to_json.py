@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Turns api/openapi.yaml into one JSON document: openapi_to_json.py INPUT.yaml OUTPUT.json
 
-Examples that the YAML points to with `externalValue` are put in as `value`, for the daemon serves no files.
+Examples that the YAML points to with `externalValue` are put in as `value`, for the daemon serves no files. A
+reference in an example stands for what it leads to in the document, so that lists of names are written once.
 """
 import json
 import sys
@@ -22,21 +23,39 @@ class Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def with_examples(value, folder):
+def look_up(document, reference):
+    for step in reference.removeprefix("#/").split("/"):
+        document = document[step]
+    return document
+
+
+def with_references(value, document):
     if isinstance(value, dict):
-        value = {key: with_examples(member, folder) for key, member in value.items()}
+        if value.keys() == {"$ref"}:
+            return look_up(document, value["$ref"])
+        return {key: with_references(member, document) for key, member in value.items()}
+    if isinstance(value, list):
+        return [with_references(element, document) for element in value]
+    return value
+
+
+def with_examples(value, folder, document):
+    if isinstance(value, dict):
+        value = {key: with_examples(member, folder, document) for key, member in value.items()}
         if "externalValue" in value:
-            value["value"] = json.loads((folder / value.pop("externalValue")).read_text(encoding="utf-8"))
+            example = json.loads((folder / value.pop("externalValue")).read_text(encoding="utf-8"))
+            value["value"] = with_references(example, document)
         return value
     if isinstance(value, list):
-        return [with_examples(element, folder) for element in value]
+        return [with_examples(element, folder, document) for element in value]
     return value
 
 
 def main():
     source, target = Path(sys.argv[1]), Path(sys.argv[2])
     document = yaml.load(source.read_text(encoding="utf-8"), Loader)
-    text = json.dumps(with_examples(document, source.parent), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    text = json.dumps(
+        with_examples(document, source.parent, document), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     target.write_text(text + "\n", encoding="utf-8")
 
 

@@ -33,7 +33,7 @@ api::TradeoffRow ToRow(const core::MeasuredPair& pair, const core::MeasuredBuild
   row.t_error_rays = accuracy.t_error.rays;
   row.t_error_p999 = accuracy.t_error.p999;
   row.t_error_max = accuracy.t_error.max;
-  row.t_error_bound = core::PromisedTError(pair.precision);
+  row.t_error_bound = core::TraitsOf(pair.precision).t_error;
   return row;
 }
 

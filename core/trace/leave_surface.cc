@@ -2,28 +2,8 @@
 
 #include <cassert>
 #include <cmath>
-#include <limits>
 
 namespace kdray::core {
-namespace {
-
-/// Bound of the error, per axis and in local units, of the origin of a ray that starts beside a
-/// triangle: some roundings of coordinates below 2 in the test's arithmetic. Half of it was enough
-/// for every ray of N16 (tests/property/secondary_rays_test.cc), a quarter was not.
-double LeafTestError(Precision precision) {
-  switch (precision) {
-    case Precision::kFast:
-    case Precision::kWatertight:
-      return 0x1p-23;
-    case Precision::kDouble:
-      return 0x1p-47;
-    case Precision::kExact:
-      return 0;  // uses the origin as given
-  }
-  return 0;
-}
-
-}  // namespace
 
 Vec3d LeaveSurface(const TriangleMesh& mesh, const Hit& hit, const Vec3d& direction,
                    Precision precision) {
@@ -44,7 +24,7 @@ Vec3d LeaveSurface(const TriangleMesh& mesh, const Hit& hit, const Vec3d& direct
   for (int axis = 0; axis < 3; ++axis) {
     const double world = std::fabs(ScaleByPowerOfTwo(frame.origin[axis], -frame.exponent));
     const double error = 0x1p-50 * (std::fabs(a[axis]) + std::fabs(b[axis]) + std::fabs(c[axis])) +
-                         0x1p-51 * (world + 2) + LeafTestError(precision);
+                         0x1p-51 * (world + 2) + TraitsOf(precision).origin_error;
     distance += std::fabs(normal[axis]) * error;
   }
   return frame.ToWorld(point + normal * distance);

@@ -55,9 +55,9 @@ AccuracyJudge::AccuracyJudge(const TriangleMesh& mesh, Precision precision, bool
   const Vec3d extent = mesh.bounds().Extent();
   extent_ = std::max({extent.x, extent.y, extent.z});
   sum_.precision = precision;
-  const bool in_float = precision == Precision::kFast || precision == Precision::kWatertight;
+  const bool in_float = TraitsOf(precision).in_float;
   pad_ = in_float ? kFloatPad : kDoublePad;
-  tolerance_ = PromisedTError(in_float ? Precision::kWatertight : precision).value_or(0);
+  tolerance_ = TraitsOf(in_float ? Precision::kWatertight : precision).t_error.value_or(0);
   if (from_inside) sum_.leaks.emplace();
 }
 

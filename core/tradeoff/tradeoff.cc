@@ -230,20 +230,6 @@ class Measuring {
 
 }  // namespace
 
-std::optional<double> PromisedTError(Precision precision) {
-  switch (precision) {
-    case Precision::kFast:
-      return std::nullopt;
-    case Precision::kWatertight:
-      return 1e-6;
-    case Precision::kDouble:
-      return 1e-14;
-    case Precision::kExact:
-      break;
-  }
-  return 0.0;
-}
-
 Result<Tradeoff> MeasureTradeoff(const std::shared_ptr<const TriangleMesh>& mesh, bool closed,
                                  const TradeoffOptions& options, const CancelToken& cancel,
                                  Progress* progress) {

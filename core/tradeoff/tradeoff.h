@@ -35,21 +35,17 @@ struct ErrorRate {
   friend bool operator==(const ErrorRate&, const ErrorRate&) = default;
 };
 
-/// |t - exact t| * |cos| / (|t| + extent / |d|), which is at most PromisedTError: at grazing
-/// incidence and near the origin nothing bounds the error relative to t itself. Dimensionless.
-/// extent is the longest side of the mesh's bounds, d the ray's direction, cos that between d and
-/// the normal of the triangle that was named. Over rays for which both found the same triangle or
-/// two that share an edge, without folds.
+/// |t - exact t| * |cos| / (|t| + extent / |d|), which is at most PrecisionTraits::t_error: at
+/// grazing incidence and near the origin nothing bounds the error relative to t itself.
+/// Dimensionless. extent is the longest side of the mesh's bounds, d the ray's direction, cos that
+/// between d and the normal of the triangle that was named. Over rays for which both found the same
+/// triangle or two that share an edge, without folds.
 struct TError {
   std::uint64_t rays = 0;
   double p999 = 0;  ///< 999 of 1000 are at most this
   double max = 0;
   friend bool operator==(const TError&, const TError&) = default;
 };
-
-/// The bound that a precision guarantees for the scaled error of t; nullopt for `fast`. `exact` is
-/// the reference.
-std::optional<double> PromisedTError(Precision precision);
 
 /// One precision compared with `exact`, on aimed rays. It does not depend on the build.
 struct Accuracy {

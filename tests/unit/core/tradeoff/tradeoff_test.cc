@@ -71,7 +71,7 @@ TEST(Tradeoff, OfACubeHasNoLeakButInFast) {
     EXPECT_GE(accuracy.leaks->rays, 64u);
     EXPECT_EQ(accuracy.missed_hits.count, 0u);
     EXPECT_EQ(accuracy.extra_hits.count, 0u);
-    EXPECT_LE(accuracy.t_error.max, *PromisedTError(precision)) << Name(precision);
+    EXPECT_LE(accuracy.t_error.max, *TraitsOf(precision).t_error) << Name(precision);
   }
   // Aimed rays go through edges, where a plain float test loses some percent of them.
   EXPECT_GT(Of(cube, Precision::kFast).leaks->count, 0u);
