@@ -1,4 +1,5 @@
 // Encodes the small answers as JSON text (UTF-8, no line breaks). For batches: api/batch_codec.h.
+// The only file that builds JSON documents: the library's templates take long to compile.
 #pragma once
 
 #include <string>
@@ -14,6 +15,9 @@ namespace kdray::api {
 std::string EncodeDescription(const TreeDescription& tree);
 std::string EncodePage(const TreePage& page);
 std::string EncodeCells(const std::vector<Cell>& cells);
+/// One row for every build with every precision. A rate of 0 has `below`, its bound at 95%
+/// confidence.
+std::string EncodeTradeoff(const Tradeoff& tradeoff);
 
 /// GET /v1: name, version, formats, builds, precisions, limits.
 std::string EncodeCapabilities(std::string_view version, const Limits& limits);

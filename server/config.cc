@@ -5,10 +5,13 @@
 #include <array>
 #include <charconv>
 #include <cstdlib>
+#include <functional>
 #include <limits>
 #include <sstream>
 #include <thread>
 #include <utility>
+
+#include "server/http/message.h"
 
 namespace kdray::server {
 namespace {
@@ -22,39 +25,58 @@ std::string EnvironmentName(const std::string& option) {
   return name;
 }
 
-/// Turns `1048576`, `4GiB` or `10 GB` into the number of bytes; says what is wrong with anything
-/// else. CLI11's own AsSizeValue takes -1 for a very large number.
-std::string SizeToBytes(std::string& text) {
-  struct Unit {
-    std::string_view name;
-    std::uint64_t bytes;
+/// Takes a value's text; says what is wrong with it, and nothing when it is taken.
+using Take = std::function<std::string(const std::string& text)>;
+
+Take TakeInteger(std::int64_t min, std::int64_t max, std::function<void(std::int64_t)> set) {
+  return [min, max, set = std::move(set)](const std::string& text) -> std::string {
+    std::int64_t value = 0;
+    const char* const last = text.data() + text.size();
+    const auto [end, error] = std::from_chars(text.data(), last, value);
+    if (error != std::errc() || end != last || value < min || value > max) {
+      return "must be an integer from " + std::to_string(min) + " to " + std::to_string(max) +
+             ", not '" + text + "'";
+    }
+    set(value);
+    return {};
   };
-  constexpr std::array kUnits = {
-      Unit{"", 1},
-      Unit{"B", 1},
-      Unit{"KB", 1'000},
-      Unit{"MB", 1'000'000},
-      Unit{"GB", 1'000'000'000},
-      Unit{"TB", 1'000'000'000'000},
-      Unit{"KIB", std::uint64_t{1} << 10},
-      Unit{"MIB", std::uint64_t{1} << 20},
-      Unit{"GIB", std::uint64_t{1} << 30},
-      Unit{"TIB", std::uint64_t{1} << 40},
+}
+
+/// `1048576`, `4GiB` or `10 GB`.
+Take TakeSize(std::function<void(std::uint64_t)> set) {
+  return [set = std::move(set)](const std::string& text) -> std::string {
+    struct Unit {
+      std::string_view name;
+      std::uint64_t bytes;
+    };
+    constexpr std::array kUnits = {
+        Unit{"", 1},
+        Unit{"B", 1},
+        Unit{"KB", 1'000},
+        Unit{"MB", 1'000'000},
+        Unit{"GB", 1'000'000'000},
+        Unit{"TB", 1'000'000'000'000},
+        Unit{"KIB", std::uint64_t{1} << 10},
+        Unit{"MIB", std::uint64_t{1} << 20},
+        Unit{"GIB", std::uint64_t{1} << 30},
+        Unit{"TIB", std::uint64_t{1} << 40},
+    };
+    std::uint64_t number = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+    std::string_view name(text);
+    name.remove_prefix(static_cast<std::size_t>(end - text.data()));
+    name.remove_prefix(std::min(name.find_first_not_of(' '), name.size()));
+    const auto unit = std::find_if(kUnits.begin(), kUnits.end(), [name](const Unit& known) {
+      return EqualsIgnoringCase(known.name, name);
+    });
+    if (error != std::errc() || unit == kUnits.end() || number == 0 ||
+        number > std::numeric_limits<std::int64_t>::max() / unit->bytes) {
+      return "'" + text +
+             "' is not a size; write bytes, or a number with KiB, MiB, GiB, TiB, kB, MB, GB or TB";
+    }
+    set(number * unit->bytes);
+    return {};
   };
-  std::uint64_t number = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  std::string name = text.substr(static_cast<std::size_t>(end - text.data()));
-  name.erase(0, name.find_first_not_of(' '));
-  const auto unit = std::find_if(kUnits.begin(), kUnits.end(), [&name](const Unit& known) {
-    return CLI::detail::to_lower(std::string(known.name)) == CLI::detail::to_lower(name);
-  });
-  if (error != std::errc() || unit == kUnits.end() || number == 0 ||
-      number > std::numeric_limits<std::int64_t>::max() / unit->bytes) {
-    return "'" + text +
-           "' is not a size; write bytes, or a number with KiB, MiB, GiB, TiB, kB, MB, GB or TB";
-  }
-  text = std::to_string(number * unit->bytes);
-  return {};
 }
 
 /// 4GiB; all sizes that are defaults are whole numbers of a unit.
@@ -66,19 +88,38 @@ std::string SizeText(std::uint64_t bytes) {
   return std::to_string(bytes);
 }
 
+/// CLI11's own conversions are templates for each type, which take it as long to compile as all
+/// else here, and its AsSizeValue takes -1 for a very large number.
 class Options {
  public:
   explicit Options(CLI::App& app) : app_(app) {}
 
+  CLI::Option* Add(const std::string& name, const std::string& help, const char* type, Take take) {
+    const auto callback = [name, take = std::move(take)](const CLI::results_t& values) {
+      const std::string problem = take(values.back());
+      if (!problem.empty()) throw CLI::ValidationError(name, problem);
+      return true;
+    };
+    return app_.add_option(name, callback, help)->envname(EnvironmentName(name))->type_name(type);
+  }
+  void AddText(const std::string& name, std::string& value, const std::string& help,
+               const char* type) {
+    const auto take = [&value](const std::string& text) {
+      value = text;
+      return std::string();
+    };
+    Add(name, help, type, take)->default_str(value);
+  }
+  /// An integer, whose default is shown.
   template <class T>
-  CLI::Option* Add(const std::string& name, T& value, const std::string& help) {
-    return app_.add_option(name, value, help)->envname(EnvironmentName(name));
+  void AddInteger(const std::string& name, T& value, std::int64_t min, std::int64_t max,
+                  const std::string& help) {
+    const auto set = [&value](std::int64_t number) { value = static_cast<T>(number); };
+    Add(name, help, "N", TakeInteger(min, max, set))->default_str(std::to_string(value));
   }
   template <class T>
-  CLI::Option* AddSize(const std::string& name, T& value, const std::string& help) {
-    return Add(name, value, help)
-        ->transform(CLI::Validator(SizeToBytes, "", "size"))
-        ->type_name("SIZE");
+  void AddSize(const std::string& name, T& value, const std::string& help) {
+    Add(name, help, "SIZE", TakeSize([&value](std::uint64_t bytes) { value = bytes; }));
   }
 
  private:
@@ -101,19 +142,13 @@ std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv) 
   app.set_version_flag("--version", "kdrayd " KDRAY_VERSION);
   app.get_formatter()->column_width(34);
   Options options(app);
-  const auto count = [](std::uint64_t max) { return CLI::Range(std::uint64_t{1}, max); };
-  constexpr std::uint64_t kMany = 1'000'000'000;
+  constexpr std::int64_t kMany = 1'000'000'000;
 
-  options.Add("--host", config.host, "address to listen on")->capture_default_str();
-  options.Add("--port", config.port, "port; 0 picks a free one")
-      ->check(CLI::Range(0, 65535))
-      ->capture_default_str();
-  options.Add("--data-dir", data_dir, "where meshes and trees are kept")
-      ->type_name("DIR")
-      ->capture_default_str();
-  options.Add("--threads", config.threads, "threads for queries, and as many for builds")
-      ->check(CLI::Range(1, 1024))
-      ->capture_default_str();
+  options.AddText("--host", config.host, "address to listen on", "TEXT");
+  options.AddInteger("--port", config.port, 0, 65535, "port; 0 picks a free one");
+  options.AddText("--data-dir", data_dir, "where meshes and trees are kept", "DIR");
+  options.AddInteger("--threads", config.threads, 1, 1024,
+                     "threads for queries, and as many for builds");
   options.AddSize("--memory-limit", config.memory_limit_bytes,
                   "memory for meshes, trees and requests (default " +
                       SizeText(config.memory_limit_bytes) + ")");
@@ -121,29 +156,21 @@ std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv) 
                   "disk space for meshes and trees (default: all there is)");
   options.AddSize("--max-upload", config.limits.max_upload_bytes,
                   "largest mesh (default " + SizeText(config.limits.max_upload_bytes) + ")");
-  options.Add("--max-rays", config.limits.max_rays, "rays in a batch")
-      ->check(count(kMany))
-      ->capture_default_str();
-  options.Add("--max-pixels", config.limits.max_pixels, "pixels of an image")
-      ->check(count(std::uint64_t{1} << 30))
-      ->capture_default_str();
-  options.Add("--max-connections", config.max_connections, "connections at the same time")
-      ->check(count(100'000))
-      ->capture_default_str();
-  options
-      .Add("--max-running", max_running,
-           "queries and renders computed at the same time (default: --threads, at least 2)")
-      ->check(count(1024));
-  options.Add("--max-queued", config.max_queued, "queries and renders that wait for their turn")
-      ->check(CLI::Range(std::uint64_t{0}, kMany))
-      ->capture_default_str();
-  options.Add("--token-file", token_file, "tokens that clients must send, one a line")
-      ->type_name("FILE");
-  options
-      .Add("--drain-timeout-ms", config.drain_timeout_ms,
-           "time that requests under way get to finish after SIGTERM")
-      ->check(CLI::Range(std::int64_t{0}, std::int64_t{3'600'000}))
-      ->capture_default_str();
+  options.AddInteger("--max-rays", config.limits.max_rays, 1, kMany, "rays in a batch");
+  options.AddInteger("--max-pixels", config.limits.max_pixels, 1, std::int64_t{1} << 30,
+                     "pixels of an image");
+  options.AddInteger("--max-connections", config.max_connections, 1, 100'000,
+                     "connections at the same time");
+  options.Add("--max-running",
+              "queries and renders computed at the same time (default: --threads, at least 2)", "N",
+              TakeInteger(1, 1024, [&](std::int64_t value) {
+                max_running = static_cast<std::size_t>(value);
+              }));
+  options.AddInteger("--max-queued", config.max_queued, 0, kMany,
+                     "queries and renders that wait for their turn");
+  options.AddText("--token-file", token_file, "tokens that clients must send, one a line", "FILE");
+  options.AddInteger("--drain-timeout-ms", config.drain_timeout_ms, 0, 3'600'000,
+                     "time that requests under way get to finish after SIGTERM");
 
   try {
     app.parse(argc, argv);

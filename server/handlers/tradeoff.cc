@@ -5,8 +5,8 @@
 #include <string>
 #include <utility>
 
+#include "api/answer_codec.h"
 #include "api/request_codec.h"
-#include "api/tradeoff_codec.h"
 #include "server/handlers/answers.h"
 
 namespace kdray::server {

@@ -17,7 +17,6 @@
 #include "api/openapi_document.h"
 #include "api/request_codec.h"
 #include "api/request_fields.h"
-#include "api/tradeoff_codec.h"
 #include "api/tree_id.h"
 
 namespace kdray::api {

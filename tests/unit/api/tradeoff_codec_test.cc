@@ -1,9 +1,8 @@
-#include "api/tradeoff_codec.h"
-
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
+#include "api/answer_codec.h"
 #include "api/limits.h"
 #include "api/request_codec.h"
 
