@@ -86,7 +86,7 @@ api::Outcome<HttpResponse> GetOpenApi(const HandlerContext& context, RoutedReque
 
 api::Outcome<HttpResponse> GetDocs(const HandlerContext& context, RoutedRequest& routed) {
   if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
-  static const std::string page = MakeContractPage(api::OpenApiJson());
+  static const std::string page = MakeContractPage();
   return HtmlAnswer(context, HttpBody::Static(page), kTextPagePolicy);
 }
 

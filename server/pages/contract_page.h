@@ -1,13 +1,12 @@
-// The contract for people: /docs, made from the OpenAPI document and the table of errors.
+// The contract for people: /docs. The build makes its first part of the OpenAPI document
+// (cmake/contract_page.py); the table of errors follows.
 #pragma once
 
 #include <string>
-#include <string_view>
 
 namespace kdray::server {
 
-/// Every path and method of the document with its parameters, body and answers, then the errors.
-/// `openapi_json` is our own document, in JSON.
-std::string MakeContractPage(std::string_view openapi_json);
+/// Every path and method of the contract with its parameters, body and answers, then the errors.
+std::string MakeContractPage();
 
 }  // namespace kdray::server
