@@ -241,6 +241,7 @@ class TreeLibrary {
   std::map<TreeId, Failure> failures_;  // of deleted ids
   std::set<Sha256Digest> damaged_meshes_;
   bool shut_down_ = false;
+  std::chrono::steady_clock::time_point store_until_;  // once shut down
   std::uint64_t rebuilds_ = 0;
 
   WorkQueue queue_;  // last: its threads use all of the above

@@ -15,6 +15,8 @@ using SteadyClock = std::chrono::steady_clock;
 // Bounds the failures of deleted ids, which are kept for their answer, against a flood of invalid
 // meshes.
 constexpr std::size_t kMaxFailures = 10'000;
+// How long files that are being written when the library shuts down may still take.
+constexpr std::chrono::milliseconds kTimeToStore{100};
 
 // The same bytes would fail the same way.
 bool IsMeshsFault(ErrorCode code) {
@@ -247,10 +249,12 @@ void TreeLibrary::Persist(const TreeRecord& before, const SceneSource::Fetched& 
   entries_.at(id).is_in_doubt = false;
 }
 
-// Whether the files of a tree are still wanted while they are written.
+// Whether the files of a tree are still wanted while they are written. After Shutdown a small file
+// gets the time that it takes; without it the next start would parse or build again.
 bool TreeLibrary::MayStore(const Sha256Digest& mesh, BuildKind build) {
   const std::lock_guard lock(mutex_);
-  return !shut_down_ && IsWanted(mesh, build);
+  if (shut_down_ && SteadyClock::now() > store_until_) return false;
+  return IsWanted(mesh, build);
 }
 
 void TreeLibrary::Fail(Flight* flight, const Error& error) {
@@ -300,6 +304,7 @@ void TreeLibrary::Shutdown() {
   {
     const std::lock_guard lock(mutex_);
     shut_down_ = true;
+    store_until_ = SteadyClock::now() + kTimeToStore;
     for (auto& [id, entry] : entries_) {
       if (!entry.flight) continue;
       entry.flight->watch.cancel.Cancel();

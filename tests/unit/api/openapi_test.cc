@@ -331,7 +331,7 @@ TEST(Examples, OfDescriptionsAreWhatIsWritten) {
                {{0, 0, 0}, {1, 1, 0}},
                {0, 0, 0, 4, 0, false, 0x1p-52}};
   tree.mesh_known = true;
-  tree.tree = {Build::kBox, 1, 1, 0, 2, 0, {0, 0, 1}, facts["bytes"], 4, 1, 4, 0.0625, 0.03125};
+  tree.tree = {Build::kBox, 1, 1, 0, 2, 0, {0, 0, 1}, 2, facts["bytes"], 4, 1, 4, 0.0625, 0.03125};
   tree.plan = ready["plan"];
   EXPECT_EQ(json::parse(EncodeDescription(tree)), ready);
   EXPECT_EQ(ParseTreeId(tree.id)->sha256, tree.mesh.sha256);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <span>
 #include <thread>
@@ -90,6 +91,8 @@ TEST_F(CancelledLibraryTest, AShutdownEndsTheWritingOfALargeFileAndTheNextStartM
     const TreeId id = library.load()->List(std::nullopt, std::nullopt, 1).at(0).record.id;
     shutdown = std::thread([&] { library.load()->Shutdown(); });
     while (library.load()->Measure(id, {}).ok()) std::this_thread::yield();
+    // A slow disk: the time that a shutdown leaves to small files passes.
+    std::this_thread::sleep_for(std::chrono::milliseconds(110));
     has_begun = true;
   };
   auto upload = library_->BeginUpload(bytes_.size());
@@ -109,6 +112,7 @@ TEST_F(CancelledLibraryTest, AShutdownEndsTheWritingOfALargeFileAndTheNextStartM
   library = nullptr;
   Open();
   EXPECT_EQ(AnswersOf(library_.get(), added->id), Answers(*scene));
+  library_.reset();  // before what on_write refers to
 }
 
 }  // namespace
