@@ -128,6 +128,9 @@ class Responder final : private httplib::Server {
  public:
   Responder(Connection& connection, const ConnectionPool::Slot& slot, HttpHandler& handler)
       : connection_(connection), slot_(slot), handler_(handler) {
+    // The library takes a server without a listening socket for one that ends, and sends no body.
+    // It neither reads nor closes this one.
+    svr_sock_ = connection.fd();
     set_pre_routing_handler([this](const httplib::Request&, httplib::Response& answer) {
       Fill(answer);
       return HandlerResponse::Handled;
