@@ -50,7 +50,7 @@ def main():
     document = yaml.safe_load(Path(source).read_text(encoding="utf-8"))
     write = {"enums": enumeration, "help": help_text}[form]
     parts = [write(enum, look_up(document, pointer)) for enum, pointer in (pair.split("=", 1) for pair in enums)]
-    Path(target).write_text(f"""// Made by cmake/contract_names.py of api/openapi.yaml. Do not edit.
+    text = f"""// Made by cmake/contract_names.py of api/openapi.yaml. Do not edit.
 #pragma once
 
 #include <array>
@@ -61,7 +61,11 @@ def main():
 namespace {namespace} {{
 {"".join(parts)}
 }}  // namespace {namespace}
-""", encoding="utf-8")
+"""
+    # A file that stays as it is makes nobody compile again.
+    target = Path(target)
+    if not target.exists() or target.read_text(encoding="utf-8") != text:
+        target.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -124,7 +124,7 @@ class Walk(ContractTest):
         self.assertEqual(required - sent, set(), place + ": documented as required, not sent")
         for name in sent:
             value = answer.headers[name]
-            schema = headers[name]["schema"]
+            schema = self.contract.resolve(headers[name]["schema"])
             if schema["type"] in ("integer", "number"):
                 value = json.loads(value)
             self.contract.validate(schema, value)
