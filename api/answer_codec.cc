@@ -12,13 +12,13 @@ namespace {
 
 using Json = nlohmann::ordered_json;  // in the contract's order, for people who read answers
 
-/// Text of a client may be in `json` (a parameter's name), so invalid UTF-8 is replaced, not thrown
-/// at us.
+/// `json` may contain a client's text (a parameter's name), so invalid UTF-8 is replaced instead of
+/// thrown.
 std::string Dump(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-/// A file may have -0 among its coordinates; no answer has.
+/// A file may have a coordinate of -0; no answer has.
 Vec3 WithoutNegativeZero(const Vec3& v) { return {v[0] + 0.0, v[1] + 0.0, v[2] + 0.0}; }
 
 Json BoxJson(const Box& box) {
@@ -144,7 +144,7 @@ std::string EncodePage(const TreePage& page) {
 }
 
 std::string EncodeCells(const std::vector<Cell>& cells) {
-  // By hand, for there may be a hundred thousand.
+  // Written directly, because there may be a hundred thousand.
   std::string out = "{\"cells\":[";
   for (const Cell& cell : cells) {
     if (out.back() == '}') out += ',';

@@ -28,7 +28,7 @@ std::string Lower(std::string_view text) {
   return lower;
 }
 
-/// Cuts off and returns what stands before the first `separator`.
+/// Removes and returns the text before the first `separator`.
 std::string_view Next(std::string_view* rest, char separator) {
   const std::size_t end = rest->find(separator);
   const std::string_view part = rest->substr(0, end);
@@ -36,8 +36,8 @@ std::string_view Next(std::string_view* rest, char separator) {
   return Trim(part);
 }
 
-/// The q-value among a media range's parameters; 1 if absent. A value that is not a number counts
-/// as none, as for a server that ignores a damaged Accept.
+/// The q-value among a media range's parameters; 1 if absent. An invalid value counts as absent, as
+/// for servers that ignore an invalid Accept.
 double Quality(std::string_view parameters) {
   while (!parameters.empty()) {
     std::string_view parameter = Next(&parameters, ';');
@@ -53,8 +53,8 @@ double Quality(std::string_view parameters) {
   return 1;
 }
 
-/// What Accept says about one media type: the q-value of the most specific range that holds it; 0
-/// when none does.
+/// Accept's preference for one media type: the q-value of the most specific range that includes it;
+/// 0 if none does.
 class Preference {
  public:
   explicit Preference(std::string_view type) : type_(type) {}
@@ -74,8 +74,8 @@ class Preference {
   double quality_ = 0;
 };
 
-/// What Content-Type says the body is, in lower case and without parameters; empty when it says
-/// nothing. What curl sends unasked says nothing.
+/// The body's media type by Content-Type, in lower case and without parameters; empty if absent, or
+/// one of curl's defaults.
 std::string NamedType(std::optional<std::string_view> content_type) {
   std::string_view rest = content_type.value_or("");
   std::string type = Lower(Next(&rest, ';'));
@@ -103,11 +103,11 @@ Outcome<BatchType> DetectBatchType(std::string_view body,
   if (!named.empty() && named != kJsonType && named != kNpyType) {
     return Unsupported(named, "application/json or application/x-npy");
   }
-  // One byte is enough, for 0x93 begins no JSON: a file that is cut short then gets the right
-  // refusal.
+  // One byte is enough, because JSON cannot begin with 0x93; so a truncated file gets the right
+  // error.
   if (!body.empty() && body.front() == kNpyMagic.front()) return BatchType::kNpy;
-  // Archives and compressed data are no JSON either, whatever they are called; the reader of .npy
-  // says what they are.
+  // Archives and compressed data are not JSON either, whatever Content-Type says; the reader of
+  // .npy says what they are.
   if (body.starts_with("PK\x03\x04") || body.starts_with("\x1f\x8b")) return BatchType::kNpy;
   if (named != kNpyType) return BatchType::kJson;
   const std::size_t first = body.find_first_not_of(" \t\r\n");
@@ -141,7 +141,7 @@ Outcome<BatchType> ChooseAnswerType(std::optional<std::string_view> accept, Batc
                        "; the answer can be application/json or application/x-npy",
                    "Accept"};
   }
-  // At equal quality the type that is named goes before one that a wildcard holds.
+  // At equal quality a named type precedes one that a wildcard includes.
   const std::pair json_rank(json.quality(), json.named()), npy_rank(npy.quality(), npy.named());
   if (json_rank == npy_rank) return request;
   return json_rank > npy_rank ? BatchType::kJson : BatchType::kNpy;

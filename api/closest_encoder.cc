@@ -19,7 +19,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little,
               ".npy elements are written as they are; a big-endian machine has to swap them");
 
-/// In T, never -0.
+/// `number` in T, never -0.
 template <class T>
 T Narrow(double value) {
   if constexpr (std::is_same_v<T, float>) {
@@ -138,7 +138,7 @@ char* PutField(char* at, const ClosestAnswer& answer, std::size_t row, RayField 
     case RayField::kT:
       return Put(at, NarrowT<T>(hit));
     case RayField::kTriangle:
-      // 2^31 triangles do not fit any upload that is taken, so <i4 holds every number.
+      // No accepted upload has 2^31 triangles, so <i4 represents every number.
       return Put(at, static_cast<Integer>(hit.triangle));
     case RayField::kU:
       return Put(at, Narrow<T>(hit.u));

@@ -49,11 +49,10 @@ std::string Interval(std::int64_t min, std::int64_t max) {
   return " from " + std::to_string(min) + " to " + std::to_string(max);
 }
 
-// ---- Where a value comes from ----
-// Two sources with one shape: a parameter's text and a JSON value. Read() below asks them for what
-// the kind takes, so that both obey the same ranges and refuse in the same words.
+// ---- Where a value comes from ---- Two sources with one interface: a parameter's text and a JSON
+// value. Read() below uses either, so both have the same ranges and error texts.
 
-/// The field or the element of it that a refusal is about: in words, and as `parameter`.
+/// The field or element that an error is about: in words, and as `parameter`.
 struct Place {
   std::string name, parameter;
 
@@ -85,7 +84,7 @@ class TextSource {
     if (end != End() || (error != std::errc() && error != std::errc::result_out_of_range)) {
       return Refuse(kind);
     }
-    // Out of range may be too large or so small that the nearest double is 0.
+    // Out of range means too large, or so small that the nearest double is 0.
     if (error != std::errc()) value = std::strtod(std::string(text_).c_str(), nullptr);
     if (!std::isfinite(value)) return Refuse(kind);
     return value;
@@ -201,7 +200,7 @@ Outcome<FieldValue> Read(const ChoiceKind& kind, const Source& source) {
   return source.Refuse(kind);
 }
 
-/// A list of `count` items (0: any number but none), each read as `element_kind`.
+/// A list of `count` items (0: at least one), each read as `element_kind`.
 template <class Item, class ElementKind, class Source>
 Outcome<FieldValue> ReadList(const FieldKind& kind, const ElementKind& element_kind,
                              std::size_t count, const Source& source) {

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::array<std::string_view, 2> kFormNames = {"render.png", "render.npy"};
 
-/// Some enumerators of `Enum`; all of them when nothing is said.
+/// Some enumerators of `Enum`; by default all.
 template <class Enum>
 class Some {
  public:
@@ -65,7 +65,8 @@ constexpr std::array kFieldUses = {
     FieldUse{.field = "background", .forms = {ImageForm::kPng}},
 };
 
-/// What the field belongs to and the request is not; nullopt where the request uses the field.
+/// The mode, projection or form that the field belongs to, if the request does not use the field;
+/// else nullopt.
 std::optional<std::string> Owner(const FieldUse& use, const RenderRequest& request,
                                  ImageForm form) {
   if (!use.projections.Has(request.projection)) {
@@ -83,7 +84,7 @@ std::optional<std::string> Owner(const FieldUse& use, const RenderRequest& reque
   return std::nullopt;
 }
 
-/// A request that says nothing but its mode, with the defaults that depend on it.
+/// A request with only a mode, with the defaults that depend on it.
 RenderRequest DefaultsOf(RenderMode mode) {
   RenderRequest request;
   request.mode = mode;

@@ -21,7 +21,7 @@ using nlohmann::json;
 constexpr std::size_t kMostColumns = 8;
 constexpr std::size_t kNone = kMostColumns;
 
-/// What the rows of a query are.
+/// The form of a query's rows.
 struct RowForm {
   std::string_view key;     ///< the one field of the object
   std::string_view wanted;  ///< a row in words

@@ -34,7 +34,7 @@ Problem NotJson(std::string_view text, const char* seen, std::string_view parser
   // …"
   const std::size_t tag = parser_message.find("] ");
   if (tag != std::string_view::npos) parser_message.remove_prefix(tag + 2);
-  // The part "last read: '…'" holds as much of the body as its longest token.
+  // The part "last read: '…'" contains the body's last token, of any length.
   const std::size_t echo = parser_message.find("; last read: '");
   const std::size_t expected = parser_message.rfind("'; expected ");
   std::string detail(parser_message.substr(0, echo));

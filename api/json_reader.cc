@@ -15,8 +15,8 @@ namespace {
 
 using nlohmann::json;
 
-/// SAX handler that builds the value and refuses what a tree would hide: only here do duplicate
-/// keys, depth and the text of numbers show.
+/// SAX handler that builds the value and rejects what a document tree would hide: duplicate keys,
+/// depth, and the text of numbers.
 class Builder {
  public:
   Builder(std::string_view text, std::size_t max_depth) : text_(text), max_depth_(max_depth) {}
@@ -46,7 +46,7 @@ class Builder {
   }
   bool number_float(double value, const std::string&) {
     JsonNumber number{value, std::nullopt};
-    // From 2^53 on, a double may stand for several integers.
+    // From 2^53 on, a double may represent several integers.
     if (std::trunc(value) == value && std::fabs(value) < 9007199254740992.0) {
       number.integer = static_cast<std::int64_t>(value);
     }
@@ -70,7 +70,7 @@ class Builder {
   bool parse_error(std::size_t, const std::string& last_token, const json::exception& error) {
     constexpr int kNumberOverflow = 406;
     if (error.id == kNumberOverflow) {
-      // Stands in for the number, so that the pointer leads to it.
+      // A placeholder for the number, so the pointer leads to it.
       return Add(nullptr) &&
              Fail("the number " + Quoted(last_token) + " is beyond the range of double");
     }
@@ -79,7 +79,7 @@ class Builder {
   }
 
  private:
-  /// Puts `value` where the text is; null when it may not stand there.
+  /// Adds `value` at the parser's position; null if it is not allowed there.
   JsonValue* Place(JsonValue value) {
     value.line = Line();
     if (++values_ > kMaxJsonValues) {
@@ -101,7 +101,7 @@ class Builder {
     return &member;
   }
 
-  /// JsonLine(), counting on from the value before.
+  /// JsonLine(), continuing from the previous value.
   std::uint64_t Line() {
     line_ += JsonLine({counted_, static_cast<std::size_t>(seen_ - counted_)}, seen_) - 1;
     counted_ = seen_ - 1;
@@ -113,7 +113,7 @@ class Builder {
     return Place(JsonValue{std::move(value)}) != nullptr;
   }
 
-  /// Elements of an array that is open do not move: it grows again only when they are closed.
+  /// Elements of an open array do not move: the array grows only after they are closed.
   template <class T>
   bool Open(T empty) {
     JsonValue* placed = Place(JsonValue{std::move(empty)});

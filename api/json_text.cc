@@ -39,7 +39,7 @@ void AppendRowLists(std::string* out, const std::vector<std::uint64_t>& invalid)
     if (i != 0) *out += ',';
     Append(out, invalid[i]);
   }
-  // Only queries that cut rows short have something to list.
+  // Only queries that truncate rows have entries.
   *out += "],\"truncated\":[]";
 }
 

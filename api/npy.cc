@@ -20,8 +20,8 @@ Problem InvalidArray(std::string detail) {
 
 std::size_t ElementSize(NumberType type) { return type == NumberType::kF4 ? 4 : 8; }
 
-/// Reads the header's dictionary from the left. Knows just the literals that the three keys need:
-/// what a general reader of Python literals would accept besides is never written by anybody.
+/// Parses the header's dictionary. Accepts only the literals of the three keys; no program writes
+/// other Python literals here.
 class HeaderParser {
  public:
   explicit HeaderParser(std::string_view text) : text_(text) {}
@@ -127,7 +127,7 @@ class HeaderParser {
     return true;
   }
 
-  /// A string without escapes: the keys and types that are taken need none.
+  /// A string without escapes, which the accepted keys and types do not need.
   std::optional<std::string_view> String() {
     SkipSpace();
     if (at_ == text_.size() || (text_[at_] != '\'' && text_[at_] != '"')) return std::nullopt;
@@ -156,8 +156,8 @@ class HeaderParser {
   bool seen_descr_ = false, seen_order_ = false, seen_shape_ = false;
 };
 
-/// Bytes of all elements. A length of 0 does not hide an overflow of the others: readers of the
-/// answer, which has the same leading shape, would compute it too.
+/// Bytes of all elements. A length of 0 does not hide an overflow of the others, because readers of
+/// the answer, which has the same leading shape, would overflow.
 std::optional<std::uint64_t> TotalBytes(const NpyArray& array) {
   std::uint64_t bytes = ElementSize(array.type);
   bool empty = false;
@@ -173,7 +173,7 @@ std::optional<std::uint64_t> TotalBytes(const NpyArray& array) {
   return empty ? 0 : bytes;
 }
 
-/// What the body is instead, where that can be told.
+/// Says what the body is instead, if it can be recognised.
 std::string WhyNotNpy(std::string_view bytes) {
   if (bytes.starts_with("PK\x03\x04")) {
     return "the body is a ZIP archive, perhaps an .npz file; send one array as an .npy file "

@@ -44,7 +44,7 @@ std::vector<RayRow<Kept>> Rows(const NpyArray& array, const std::vector<std::siz
     out.push_back({kept(0), kept(1), kept(2), with_interval ? kept(6) : t_min, kept(3), kept(4),
                    kept(5), with_interval ? kept(7) : t_max});
   };
-  // The elements stand at any address, hence the copies.
+  // The elements are not aligned, so they are copied.
   Sent n[8] = {};
   if (!array.fortran_order) {
     for (std::size_t row = 0; row < rows && !poll->Row(); ++row) {

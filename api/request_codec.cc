@@ -11,14 +11,14 @@ namespace kdray::api {
 namespace {
 
 Outcome<RayOptions> CheckedRayOptions(Outcome<RayOptions> options) {
-  // Not left to the rows: every row of 6 would be named as invalid for what is one mistake.
+  // Checked here, because one mistake would make every row of 6 invalid.
   if (options && options->t_max && !(options->t_min <= *options->t_max)) {
     return Problem{ErrorCode::kInvalidParameter, "t_min is greater than t_max", "t_min"};
   }
   return options;
 }
 
-/// `has` is what is too large, "a side of"; `limit_name` and `limit` what is allowed.
+/// `has` describes the excess, "a side of"; `limit_name` and `limit` are the bound.
 Problem ImageTooLarge(bool is_region, const std::string& has, std::int64_t actual,
                       const std::string& limit_name, std::uint64_t limit) {
   Problem problem{ErrorCode::kImageTooLarge,
@@ -31,7 +31,7 @@ Problem ImageTooLarge(bool is_region, const std::string& has, std::int64_t actua
   return problem;
 }
 
-/// What no field sees alone. `pointer` goes before the names of fields.
+/// Checks of several fields together. `pointer` is put before the names of fields.
 Outcome<RenderRequest> CheckedRender(Outcome<RenderRequest> request, ImageForm form,
                                      const FieldTable<RenderRequest>& table,
                                      const std::string& pointer, const Limits& limits) {

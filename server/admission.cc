@@ -11,7 +11,7 @@ using api::ErrorCode;
 using api::Problem;
 using Clock = std::chrono::steady_clock;
 
-/// A client's departure sets a flag and wakes nobody here; waiters look at it this often.
+/// Poll interval of waiters: a client's departure sets a flag without notification.
 constexpr std::chrono::milliseconds kLook{50};
 
 Problem StoppedWaiting(const core::CancelToken& cancel) {

@@ -25,7 +25,7 @@ std::string EnvironmentName(const std::string& option) {
   return name;
 }
 
-/// Takes a value's text; says what is wrong with it, and nothing when it is taken.
+/// Reads a value's text; returns the error, or "" if it is valid.
 using Take = std::function<std::string(const std::string& text)>;
 
 Take TakeInteger(std::int64_t min, std::int64_t max, std::function<void(std::int64_t)> set) {
@@ -79,7 +79,7 @@ Take TakeSize(std::function<void(std::uint64_t)> set) {
   };
 }
 
-/// 4GiB; all sizes that are defaults are whole numbers of a unit.
+/// "4GiB"; all default sizes are whole numbers of a unit.
 std::string SizeText(std::uint64_t bytes) {
   for (const auto& [shift, unit] : {std::pair(30, "GiB"), {20, "MiB"}, {10, "KiB"}}) {
     const std::uint64_t size = std::uint64_t{1} << shift;
@@ -88,8 +88,8 @@ std::string SizeText(std::uint64_t bytes) {
   return std::to_string(bytes);
 }
 
-/// CLI11's own conversions are templates for each type, which take it as long to compile as all
-/// else here, and its AsSizeValue takes -1 for a very large number.
+/// CLI11's conversions are templates for each type, which take as long to compile as the rest of
+/// this file, and its AsSizeValue reads -1 as a very large number.
 class Options {
  public:
   explicit Options(CLI::App& app) : app_(app) {}
@@ -110,7 +110,7 @@ class Options {
     };
     Add(name, help, type, take)->default_str(value);
   }
-  /// An integer, whose default is shown.
+  /// An integer, whose default the help shows.
   template <class T>
   void AddInteger(const std::string& name, T& value, std::int64_t min, std::int64_t max,
                   const std::string& help) {
@@ -174,7 +174,8 @@ std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv) 
 
   try {
     app.parse(argc, argv);
-    // CLI11 2.4 passes a wrong value in the environment in silence; asked again, it says why.
+    // CLI11 2.4 silently ignores an invalid value in the environment; a second check gives the
+    // cause.
     for (CLI::Option* option : app.get_options()) {
       const std::string name = option->get_envname();
       const char* const value = name.empty() ? nullptr : std::getenv(name.c_str());

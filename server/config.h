@@ -16,7 +16,7 @@ struct Config {
   std::string host = "127.0.0.1";
   int port = 8080;  ///< 0 picks a free one
   std::filesystem::path data_dir = "kdray-data";
-  int threads = 1;  ///< default: as many as the machine runs at once
+  int threads = 1;  ///< default: the number of hardware threads
   std::uint64_t memory_limit_bytes = std::uint64_t{4} << 30;
   std::optional<std::uint64_t> store_limit_bytes;
   api::Limits limits;
@@ -26,19 +26,19 @@ struct Config {
   std::filesystem::path token_file;  ///< empty: no tokens
   std::int64_t drain_timeout_ms = 25000;
 
-  /// Meshes, trees and builds get three quarters of the memory, requests under way the rest.
+  /// Meshes, trees and builds get three quarters of the memory, running requests the rest.
   std::uint64_t BackendMemoryBytes() const { return memory_limit_bytes / 4 * 3; }
   std::uint64_t RequestMemoryBytes() const { return memory_limit_bytes / 4; }
 };
 
-/// A command line that ends the program: --help and --version with 0, a wrong option with 2.
+/// A command line that ends the program: --help and --version with 0, an invalid option with 2.
 struct ConfigExit {
   int code = 0;
-  std::string output;  ///< for standard output when code is 0, else for standard error
+  std::string output;  ///< for standard output if code is 0, else for standard error
 };
 
-/// `--data-dir DIR` may also stand in the environment as KDRAY_DATA_DIR, and so on for every
-/// option; the command line wins.
+/// Every option may also be set in the environment, `--data-dir DIR` as KDRAY_DATA_DIR; the command
+/// line takes precedence.
 std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv);
 
 }  // namespace kdray::server

@@ -31,7 +31,7 @@ api::Problem OutOfMemory() {
   return ToProblem({core::ErrorCode::kMemoryFull, "the system has no memory for this answer now"});
 }
 
-/// For a picture that is to be ready by the deadline: a fifth of what is left is for the rest.
+/// For a picture that must be ready by the deadline: a fifth of the remaining time is for encoding.
 std::chrono::milliseconds TimeToTrace(const CancelToken& cancel) {
   if (cancel.deadline() == SteadyClock::time_point::max()) return std::chrono::milliseconds::max();
   const auto left =
@@ -64,7 +64,7 @@ api::Problem NotMeasured() {
           .detail = "nothing has been measured for this tree; POST begins it"};
 }
 
-/// One more in a count for as long as it lives.
+/// Increments a count during its lifetime.
 class Counted {
  public:
   explicit Counted(std::atomic<int>* count) : count_(count) { ++*count_; }
@@ -107,11 +107,11 @@ class CoreMeshUpload final : public MeshUpload {
   core::TreeLibrary::Upload upload_;
 };
 
-/// What runs queries, shared by a backend and its handles.
+/// Runs queries; shared by a backend and its handles.
 struct QueryRunner {
   const api::Limits limits;
   core::Arena arena;
-  std::atomic<int> queries{0};  ///< at work now; the library's measurements look at it
+  std::atomic<int> queries{0};  ///< running now; the library's measurements read it
 };
 
 class CoreLoadedTree final : public LoadedTree {
@@ -148,7 +148,7 @@ class CoreLoadedTree final : public LoadedTree {
           if (spec.budget) spec.budget = std::min(*spec.budget, TimeToTrace(cancel));
           core::Result<core::RenderedImage> image = core::Render(scene_, spec, cancel);
           if (!image.ok()) {
-            // Depths are checked before: only their number of cells can be wrong.
+            // Depths were checked before, so only the number of cells can be the cause.
             if (image.error().field == "cells_depth") {
               return TooManyCells("cells_depth", *request.cells_depth,
                                   runner_.limits.max_picture_cells);
@@ -193,7 +193,7 @@ class CoreLoadedTree final : public LoadedTree {
     return std::nullopt;
   }
 
-  // Settles the precision, and runs `work` in the query arena.
+  // Determines the precision, and runs `work` in the query arena.
   template <class Answer, class Work>
   api::Outcome<Answer> Query(api::Precision asked, const CancelToken& cancel,
                              const Work& work) const {
@@ -290,7 +290,7 @@ class LibraryBackend final : public CoreBackend {
                           .field = "after"});
       }
     }
-    // One more than asked for tells whether there is a next page.
+    // One more than requested shows whether there is a next page.
     const std::vector<core::TreeInfo> trees = library_->List(digest, position, limit + 1);
     const std::size_t count = std::min(limit, trees.size());
     for (std::size_t i = 0; i < count; ++i) page.trees.push_back(ToApi(trees[i]));

@@ -1,4 +1,4 @@
-// What a handler takes: the context that all share, and its request with the times it reports.
+// The parameters of a handler: the common context, and its request with the times that it reports.
 #pragma once
 
 #include <atomic>
@@ -35,17 +35,17 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-/// What every handler may use; all of it safe from many threads at once.
+/// The services of every handler; all are safe from many threads at once.
 struct HandlerContext {
   Backend& backend;
   const api::Limits& limits;
   Admission& admission;
   RequestMemory& memory;
-  const std::atomic<bool>& draining;  ///< the daemon is about to end
-  bool with_tokens = false;  ///< answers are for one client: caches between must not keep them
+  const std::atomic<bool>& draining;  ///< the daemon is shutting down
+  bool with_tokens = false;  ///< answers are for one client: shared caches must not keep them
 };
 
-/// A request with what its route says of it, and the times that its handler reports.
+/// A request with its route's parameter, and the times that its handler reports.
 struct RoutedRequest {
   const HttpRequest& http;
   std::string_view path_parameter;  ///< the segment of the path where the route has {…}

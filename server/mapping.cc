@@ -15,13 +15,13 @@
 namespace kdray::server {
 namespace {
 
-// The contract promises no image that core refuses.
+// The contract allows no image that core rejects.
 static_assert(api::kMaxWholeSide == core::RenderSpec::kMaxWholeSide);
 static_assert(api::Limits{}.max_image_side == core::RenderSpec::kMaxSide);
 static_assert(api::Limits{}.max_samples <= core::RenderSpec::kMaxSamples);
 
-/// The pairs of an enumeration of the contract and one of core, by their names. The contract's may
-/// have `auto` besides, which has no partner; anything else without one is an error of the build.
+/// The pairs of enumerators of the contract and of core, by their names. Only the contract's `auto`
+/// may have no partner; any other enumerator without one fails to compile.
 template <class Api, class Core, std::size_t kApiNames>
 class NamedPairs {
  public:
@@ -105,8 +105,8 @@ api::ErrorCode CodeOf(core::ErrorCode code, api::ErrorCode not_found) {
     case core::ErrorCode::kNotFound:
       return not_found;
     case core::ErrorCode::kCancelled:
-      // The daemon's own stop, or its client has left: then nobody reads the answer, and the
-      // request is recorded as what it is (exchange.h).
+      // Shutdown, or a client that has left: then the answer is not read, and the request is
+      // recorded as such (exchange.h).
       return api::ErrorCode::kDraining;
     case core::ErrorCode::kDeadlineExceeded:
       return api::ErrorCode::kDeadlineExceeded;

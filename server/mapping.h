@@ -1,4 +1,4 @@
-// Where the contract's words (api) and core's types meet, and nowhere else.
+// Converts between the contract's types (api) and core's; no other file does.
 #pragma once
 
 #include <cstddef>
@@ -23,20 +23,20 @@
 
 namespace kdray::server {
 
-/// `not_found` says what was looked for. What went wrong inside comes out as `internal` without a
-/// cause; the one exception, a damaged mesh, says how to repair it.
+/// `not_found` is the code for kNotFound. Internal errors become `internal` without a cause, except
+/// for a damaged mesh, which says how to repair it.
 api::Problem ToProblem(const core::Error& error,
                        api::ErrorCode not_found = api::ErrorCode::kTreeNotFound);
 
-/// None for `auto`.
+/// nullopt for `auto`.
 std::optional<core::BuildKind> ToCore(api::Build build);
 api::Build ToApi(core::BuildKind build);
 
-/// `automatic` is what `auto` means for the mesh.
+/// `automatic` is the precision of `auto` for the mesh.
 core::Precision ToCore(api::Precision precision, core::Precision automatic);
 api::Precision ToApi(core::Precision precision);
 
-/// tree_not_found for what is no id.
+/// tree_not_found for an invalid id.
 api::Outcome<core::TreeId> ToTreeId(std::string_view id);
 
 api::TreeDescription ToApi(const core::TreeInfo& info);

@@ -1,5 +1,5 @@
-// Which handler answers which path and method. Paths are compared byte by byte, not by patterns
-// that hostile paths could make slow.
+// The handlers of paths and methods. Paths are compared byte by byte, not by patterns, which
+// hostile paths could make slow.
 #pragma once
 
 #include <span>
@@ -12,26 +12,26 @@
 namespace kdray::server {
 
 struct Route {
-  std::string_view path;  ///< a segment in braces stands for any one segment that is not empty
-  Handler get = nullptr;  ///< answers HEAD, too
+  std::string_view path;  ///< a segment in braces matches any nonempty segment
+  Handler get = nullptr;  ///< also for HEAD
   Handler post = nullptr;
   Handler del = nullptr;
-  bool open = false;  ///< needs no token, and is answered while the server drains
+  bool open = false;  ///< needs no token, and is answered during shutdown
 };
 
 /// The paths of the contract, and of the viewer page.
 std::span<const Route> Routes();
 
-/// The methods that a route takes, as the Allow header lists them.
+/// The methods of a route, as in the Allow header.
 std::string Allow(const Route& route);
 
 struct RouteMatch {
   const Route* route = nullptr;
-  Handler handler = nullptr;        ///< null: the route does not take the method
-  std::string_view path_parameter;  ///< what stood for the segment in braces, still percent-encoded
+  Handler handler = nullptr;        ///< null: the route does not have the method
+  std::string_view path_parameter;  ///< the segment in braces, still percent-encoded
 };
 
-/// `route` is null for a path of no route. A trailing slash makes another path.
+/// `route` is null for an unknown path. A trailing slash makes a different path.
 RouteMatch FindRoute(std::span<const Route> routes, std::string_view method, std::string_view path);
 
 }  // namespace kdray::server

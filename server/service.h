@@ -1,5 +1,5 @@
-// The service behind the adaptor: request id, token, route, handler, and the headers that every
-// answer has. Handlers return an answer or a problem; this is where problems become problem+json.
+// The HTTP service without the adaptor: request id, token, route, handler, and the headers of every
+// answer. Handlers return an answer or a problem; problems become problem+json here.
 #pragma once
 
 #include <atomic>
@@ -22,10 +22,10 @@ namespace kdray::server {
 struct ServiceOptions {
   api::Limits limits;
   std::size_t max_running = 2;   ///< queries and renders that compute at the same time
-  std::size_t max_queued = 128;  ///< and those that wait for a turn
+  std::size_t max_queued = 128;  ///< queries and renders that wait for a turn
   std::uint64_t request_memory_bytes = std::uint64_t{1}
-                                       << 30;  ///< for bodies, rows and images under way
-  std::optional<BearerTokens> tokens;          ///< none: everybody may do everything
+                                       << 30;  ///< for bodies, rows and images of running requests
+  std::optional<BearerTokens> tokens;          ///< nullopt: no token is needed
   std::span<const Route> routes = Routes();
 };
 
@@ -38,13 +38,13 @@ class Service final : public HttpHandler {
   HttpResponse Refuse(const HttpRequest& request, const api::Problem& problem) override;
   void Answered(const HttpRecord& record) noexcept override;
 
-  /// Requests whose client left before there was an answer.
+  /// The number of requests whose client left before the answer.
   std::uint64_t clients_gone() const { return clients_gone_; }
 
-  /// From now on only open routes are answered, everything else is refused with `draining`.
+  /// After it, only open routes are answered; other requests get `draining`.
   void Drain() { draining_ = true; }
 
-  /// Of the memory of requests.
+  /// Bytes of request memory in use.
   std::uint64_t request_memory_used() const { return memory_.used(); }
 
  private:

@@ -1,5 +1,5 @@
-// All enumerators of an enumeration, counted by their names: no list of them, and no last one, is
-// kept beside the enumeration.
+// All enumerators of an enumeration, counted by their names, without a separate list or a last
+// enumerator.
 #pragma once
 
 #include <array>

@@ -90,10 +90,10 @@ std::string Quoted(std::string_view tag) {
 bool ClientHas(const HttpRequest& request, std::string_view etag) {
   std::string_view list = request.headers.Find("If-None-Match").value_or(std::string_view());
   while (!list.empty()) {
-    const auto comma = list.find(',');  // our tags hold none
+    const auto comma = list.find(',');  // our tags have no comma
     std::string_view tag = Trim(list.substr(0, comma));
     if (tag == "*") return true;
-    // The comparison is the weak one: a cache that changed the coding still has our bytes.
+    // The comparison is weak: a cache that changed the coding still has our bytes.
     if (tag.starts_with("W/")) tag.remove_prefix(2);
     if (tag == etag) return true;
     list.remove_prefix(comma == std::string_view::npos ? list.size() : comma + 1);

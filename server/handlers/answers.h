@@ -1,4 +1,4 @@
-// What handlers share: reading bodies, and the headers of answers that say how long they keep.
+// Shared by handlers: reading bodies, and the headers for caching.
 #pragma once
 
 #include <cstdint>
@@ -9,29 +9,28 @@
 
 namespace kdray::server {
 
-/// A body in memory, with its share of the memory of requests.
+/// A body in memory, with its charge of request memory.
 using RequestBody = RequestMemory::Body::Whole;
 
-/// body_too_large beyond `max_bytes`, memory_full, or what ReadBody() of the peer says. Takes
-/// several times the body, for what is made from it (rows in memory, the answer), as its bytes
-/// arrive. A declared length for which there is no memory now is refused before a byte is read.
+/// body_too_large beyond `max_bytes`, memory_full, or the problem of the peer's ReadBody(). Charges
+/// several times the body as its bytes arrive, for the data made from it (rows, the answer). If
+/// there is no memory now for the declared length, the request fails before a byte is read.
 api::Outcome<RequestBody> ReadWholeBody(const HandlerContext& context, const RoutedRequest& routed,
                                         std::uint64_t max_bytes);
 
-/// For requests that take no body although their method does: malformed_request when there is one.
+/// For requests without a body whose method allows one: malformed_request if there is a body.
 api::Check RefuseBody(const RoutedRequest& routed);
 
-/// How long, and by whom, an answer may be kept.
+/// How long, and by whom, an answer may be cached.
 enum class Caching : std::uint8_t {
-  kForever,     ///< the bytes behind this path never change
-  kHour,        ///< nor do they here, but a new version may compute them anew
-  kRevalidate,  ///< ask each time
+  kForever,     ///< the bytes of this path never change
+  kHour,        ///< the same, but a new version may compute other bytes
+  kRevalidate,  ///< must be revalidated each time
   kNever,
 };
 void SetCaching(HttpResponse& response, const HandlerContext& context, Caching caching);
 
-/// A strong validator, quoted, over all that the answer's bytes depend on. The version is added
-/// here.
+/// A strong validator, quoted, of everything that determines the answer's bytes, and the version.
 std::string MakeEtag(std::string_view what, std::string_view tree_id, std::string_view query);
 
 /// `tag` as a strong validator.
@@ -40,7 +39,7 @@ std::string Quoted(std::string_view tag);
 /// True when If-None-Match names `etag` or is `*` (RFC 9110, 13.1.2).
 bool ClientHas(const HttpRequest& request, std::string_view etag);
 
-/// 304: what the client has still holds.
+/// 304: the client's copy is still valid.
 HttpResponse NotModified(const HandlerContext& context, std::string_view etag, Caching caching);
 
 HttpResponse JsonAnswer(int status, std::string json);

@@ -34,7 +34,7 @@ api::Outcome<Computation> BeginComputation(const HandlerContext& context, Routed
   auto cancel = CancelToken::WithDeadline(std::chrono::steady_clock::now() +
                                           std::chrono::milliseconds(limit.ms));
   auto watch = routed.http.peer->CancelWhenGone(cancel);
-  // A request that waits for its tree computes nothing: it takes no turn from others.
+  // A request that waits for its tree computes nothing, so it needs no turn.
   auto tree = context.backend.Acquire(routed.path_parameter, use, cancel);
   if (!tree) return limit.Explain(std::move(tree).problem());
   auto turn = context.admission.Enter(cancel);

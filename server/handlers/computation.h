@@ -1,4 +1,4 @@
-// What every query, render and list of cells waits for before it is computed: its tree, and its
+// The common waits of queries, renders and cells before they are computed: for the tree, and for a
 // turn.
 #pragma once
 
@@ -10,21 +10,21 @@
 
 namespace kdray::server {
 
-/// The longest that the work for a request may take.
+/// The time limit of a request's work.
 struct TimeLimit {
   std::int64_t ms = 0;
   std::int64_t default_ms = 0;
-  std::string_view parameter;  ///< empty when no parameter changes the limit
+  std::string_view parameter;  ///< empty if no parameter changes the limit
 
-  /// Completes a problem of time that has passed (deadline_exceeded, tree_building) with the
-  /// parameter and its value; others stay as they are.
+  /// Adds the parameter and its value to a problem of time (deadline_exceeded, tree_building);
+  /// other problems stay unchanged.
   api::Problem Explain(api::Problem problem) const;
 };
 
-/// What must live while the backend works for a request.
+/// The objects that must live while the backend works for a request.
 struct Computation {
   CancelToken cancel;           ///< the deadline, and the client's departure
-  std::shared_ptr<void> watch;  ///< for the departure
+  std::shared_ptr<void> watch;  ///< of the client
   std::unique_ptr<const LoadedTree> tree;
   Admission::Turn turn;
 
@@ -32,9 +32,8 @@ struct Computation {
   api::Problem WhyStopped() const;
 };
 
-/// Waits until the tree is built and in memory (tree_building when the limit comes first), then for
-/// a turn. The time counts from here, where the request is complete: a slow connection does not use
-/// it up.
+/// Waits until the tree is built and in memory (tree_building if the limit comes first), then for a
+/// turn. The time starts here, after the request is complete, so a slow connection does not use it.
 api::Outcome<Computation> BeginComputation(const HandlerContext& context, RoutedRequest& routed,
                                            TreeUse use, const TimeLimit& limit);
 

@@ -19,7 +19,7 @@ namespace {
 using api::ErrorCode;
 using api::Problem;
 
-/// Pages of ours that hold text and style only.
+/// For our pages with text and style only.
 constexpr std::string_view kTextPagePolicy =
     "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'";
@@ -37,7 +37,7 @@ HttpResponse HtmlAnswer(const HandlerContext& context, HttpBody body, std::strin
 }  // namespace
 
 api::Outcome<HttpResponse> GetViewerFile(const HandlerContext& context, RoutedRequest& routed) {
-  // Parameters are the page's own: nothing here depends on them.
+  // Parameters are for the page's scripts; the answer does not depend on them.
   for (const ViewerFile& file : ViewerFiles()) {
     if (file.path != routed.http.path) continue;
     if (ClientHas(routed.http, file.etag)) {

@@ -1,4 +1,4 @@
-// What the service says about itself: its health, its contract, its pages.
+// The service's health, contract and pages.
 #pragma once
 
 #include "server/handler.h"

@@ -12,7 +12,7 @@
 namespace kdray::server {
 namespace {
 
-/// What the queries have in common. `trace(tree, rays, cancel)` asks the tree, `encode(answer,
+/// The common part of the queries. `trace(tree, rays, cancel)` queries the tree, `encode(answer,
 /// rays, type, should_stop)` makes the bytes.
 template <class Trace, class Encode>
 api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequest& routed,
@@ -38,7 +38,7 @@ api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequ
   const Stopwatch parsing;
   const auto rays = api::DecodeRays(body->text, *type, options, context.limits, should_stop);
   if (!rays) return should_stop() ? limit.Explain(computation->WhyStopped()) : rays.problem();
-  body->text = std::string();  // from here on the rows are enough
+  body->text = std::string();  // only the rows are needed from here on
   routed.timing.parse_ms = parsing.ms();
 
   const auto answer = trace(*computation->tree, *rays, computation->cancel);

@@ -19,8 +19,7 @@ namespace {
 
 using api::ImageForm;
 
-/// Four floats a pixel, and what the encoder needs beside them; with a budget, what pixels have
-/// gathered so far.
+/// Four floats per pixel, and the encoder's memory; with a budget, also the sums of the pixels.
 constexpr std::uint64_t kMemoryPerPixel = 32;
 constexpr std::uint64_t kMemoryPerRefinedPixel = 64;
 
@@ -79,7 +78,7 @@ api::Outcome<HttpResponse> Get(const HandlerContext& context, RoutedRequest& rou
   if (ClientHas(routed.http, etag)) return NotModified(context, etag, Caching::kHour);
   auto response = AnswerRender(context, routed, *request, form);
   if (!response) return response;
-  // The next one may come farther in its time.
+  // The next image may be better in the same time.
   if (IsCut(*response)) {
     SetCaching(*response, context, Caching::kNever);
     return response;
@@ -89,7 +88,7 @@ api::Outcome<HttpResponse> Get(const HandlerContext& context, RoutedRequest& rou
   return response;
 }
 
-/// The backend names a field; in a JSON body the field is a pointer.
+/// The backend names a field; for a JSON body, the name becomes a pointer.
 api::Problem WithPointer(api::Problem problem) {
   if (problem.parameter && !problem.parameter->starts_with('/')) {
     problem.parameter = api::PointerStep(*problem.parameter);

@@ -12,7 +12,7 @@
 namespace kdray::server {
 namespace {
 
-/// The result, or how far it is when the client has waited long enough.
+/// The result, or the progress after the client's wait_ms.
 api::Outcome<HttpResponse> AnswerWithin(const HandlerContext& context, const RoutedRequest& routed,
                                         std::int64_t wait_ms, Caching caching) {
   const auto cancel = CancelToken::Cancellable();

@@ -20,8 +20,8 @@ using api::Problem;
 
 constexpr std::size_t kUploadPieceBytes = 256 * 1024;
 
-/// Takes the mesh from the connection to the store. Refusals that need no byte of it come before
-/// the first.
+/// Streams the mesh from the connection to the store. Errors that do not depend on its bytes come
+/// before the first byte.
 api::Outcome<MeshUpload::Stored> StoreBody(const HandlerContext& context,
                                            const RoutedRequest& routed, api::Build build) {
   HttpPeer& peer = *routed.http.peer;
@@ -57,7 +57,7 @@ api::Outcome<MeshUpload::Stored> Store(const HandlerContext& context, const Rout
   return context.backend.BuildStored(*request.mesh, request.build);
 }
 
-/// Describes the tree once it is built, or when the client has waited long enough.
+/// Describes the tree when it is built, or after the client's wait_ms.
 api::Outcome<api::TreeDescription> DescribeWithin(const HandlerContext& context,
                                                   const RoutedRequest& routed, std::string_view id,
                                                   std::int64_t wait_ms) {
@@ -128,7 +128,7 @@ api::Outcome<HttpResponse> GetMesh(const HandlerContext& context, RoutedRequest&
   const auto watch = routed.http.peer->CancelWhenGone(cancel);
   auto opened = context.backend.OpenMesh(routed.path_parameter, cancel);
   if (!opened) return std::move(opened).problem();
-  // The id begins with the digest of these very bytes.
+  // The id begins with the hash of these bytes.
   const std::string etag = Quoted(routed.path_parameter.substr(0, routed.path_parameter.find('-')));
   if (ClientHas(routed.http, etag)) return NotModified(context, etag, Caching::kForever);
 

@@ -1,4 +1,4 @@
-// Meshes in, tree ids out: /v1/trees and below.
+// Uploads and trees: /v1/trees and below.
 #pragma once
 
 #include "server/handler.h"

@@ -11,10 +11,10 @@ using Clock = std::chrono::steady_clock;
 using api::ErrorCode;
 using api::Problem;
 
-/// What every answer begins with. Sent byte by byte to a client that has closed its sending side,
-/// it shows whether that client is still there and decides nothing about the answer.
+/// The beginning of every answer. Sent byte by byte to a client that has closed its sending side,
+/// it shows whether the client is still there, and does not depend on the answer.
 constexpr std::string_view kAnswerStart = "HTTP/1.1 ";
-/// How long a client's system has to say that nobody takes the answer to a body that was cut off.
+/// Wait for a reset from the client's system after an incomplete body.
 constexpr std::chrono::milliseconds kResetWait{100};
 
 Problem InternalProblem() {
@@ -62,8 +62,8 @@ void Exchange::Answer(HttpHandler& handler) {
     response_.cause.clear();
     response_.body = HttpBody();
   }
-  // After an error nothing more is believed of the connection; unread bytes of a body are not the
-  // next request.
+  // After an error the connection is not trusted any more; unread bytes of a body are not the next
+  // request.
   response_.close = response_.close || response_.status >= 400 || !keep_alive_ ||
                     refusal_.has_value() || connection_.body_left() > 0;
 }

@@ -1,5 +1,5 @@
-// One request and its answer on a connection: how the handler sees it, and what becomes of an
-// exception. Knows nothing of the library that listens and writes (http_server.cc).
+// One request and its answer on a connection, for the handler; converts exceptions to answers.
+// Independent of the library that listens and writes (http_server.cc).
 #pragma once
 
 #include <atomic>
@@ -18,8 +18,8 @@
 
 namespace kdray::server {
 
-/// Accept() or Refuse(), then Answer(). Of the thread that serves the connection alone; neither
-/// copied nor moved, for the request points to it. What it is made from must outlive it.
+/// Call Accept() or Refuse(), then Answer(), on the connection's thread. Neither copied nor moved,
+/// because the request points to it. Its arguments must outlive it.
 class Exchange final : public HttpPeer, private WatchedClient {
  public:
   Exchange(Connection& connection, DepartureWatch& watch, const PaceLimit& body_pace,
@@ -27,19 +27,19 @@ class Exchange final : public HttpPeer, private WatchedClient {
   Exchange(const Exchange&) = delete;
   Exchange& operator=(const Exchange&) = delete;
 
-  /// The request is one, and its body may be read.
+  /// The request is valid, and its body may be read.
   void Accept(RequestHead head);
-  /// It is none; the handler answers with the problem.
+  /// The request is invalid; the handler answers with the problem.
   void Refuse(RefusedHead refused);
 
-  /// Asks the handler; whatever it throws becomes an answer without the text. When the client has
-  /// left meanwhile, the answer is an empty one of status kClientGone.
+  /// Calls the handler; an exception becomes an answer without its text. If the client has left
+  /// meanwhile, the answer is empty, with status kClientGone.
   void Answer(HttpHandler& handler);
 
   /// What is known of the request.
   const HttpRequest& request() const { return request_; }
   HttpResponse& response() { return response_; }
-  /// Whether all of the answer was sent; for the record.
+  /// Whether the whole answer was sent; for the record.
   void set_complete(bool complete) { complete_ = complete; }
   HttpRecord Record(std::chrono::steady_clock::time_point start) const;
 

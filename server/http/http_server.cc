@@ -44,22 +44,22 @@ using api::Problem;
 constexpr int kBacklog = 1024;
 constexpr std::size_t kStreamBytes = 64 * 1024;
 
-/// All that the library's parser ever reads; Show() replaces what it makes of it.
+/// The only text that the library's parser reads; Show() replaces the result.
 constexpr std::string_view kPlaceholder = "GET / HTTP/1.1\r\n\r\n";
 
-/// Gives the library the head that ParseRequestHead() has validated, as far as it is known.
+/// Gives the library the head that ParseRequestHead() has validated.
 void Show(const HttpRequest& from, httplib::Request& to) {
-  if (from.method.empty()) return;  // refused before it was understood
+  if (from.method.empty()) return;  // the head was invalid
   to.method = from.method;
   to.path = from.path;
   to.target = from.query_string.empty() ? from.path : from.path + "?" + from.query_string;
   for (const auto& [name, value] : from.headers.fields()) {
-    // Exchange asks for the body when the handler wants it.
+    // Exchange sends 100 Continue when the handler reads the body.
     if (!EqualsIgnoringCase(name, "Expect")) to.headers.emplace(name, value);
   }
 }
 
-/// What the library reads and writes instead of a socket.
+/// Replaces a socket for the library.
 class LibraryStream final : public httplib::Stream {
  public:
   explicit LibraryStream(Connection& connection) : connection_(connection) {}
@@ -71,7 +71,7 @@ class LibraryStream final : public httplib::Stream {
     unread_.remove_prefix(count);
     return static_cast<ssize_t>(count);
   }
-  // Never 0, which the library would try again for ever.
+  // Never 0, which the library would retry for ever.
   ssize_t write(const char* bytes, size_t size) override {
     return connection_.Write({bytes, size}) ? static_cast<ssize_t>(size) : -1;
   }
@@ -97,7 +97,8 @@ class ImmediateQueue final : public httplib::TaskQueue {
   void shutdown() override {}
 };
 
-/// Feeds the body to the library. No exception may pass it: there it would end the process.
+/// Gives the body to the library. Exceptions must not pass through the library, where they would
+/// end the process.
 bool SendBody(const HttpBody& body, std::uint64_t offset, std::uint64_t length,
               httplib::DataSink& sink) noexcept {
   try {
@@ -122,8 +123,8 @@ std::string RemoteAddress(int fd) {
   return text;
 }
 
-/// The library's side of one connection: asks for the answers and writes them. One for each
-/// connection, so that the library's handlers, which are not told it, know whose answer they make.
+/// The library's side of one connection: gets the answers and writes them. One object per
+/// connection, because the library does not pass the connection to its handlers.
 class Responder final : private httplib::Server {
  public:
   Responder(Connection& connection, const ConnectionPool::Slot& slot, HttpHandler& handler)
@@ -135,8 +136,8 @@ class Responder final : private httplib::Server {
       Fill(answer);
       return HandlerResponse::Handled;
     });
-    // The library's own way is to send the text of the exception. Left for one that was thrown
-    // while a problem was made.
+    // By default the library sends the exception's text. This handles exceptions thrown while a
+    // problem is made.
     set_exception_handler(
         [this](const httplib::Request&, httplib::Response& answer, const std::exception_ptr&) {
           answer.status = 500;
@@ -146,7 +147,7 @@ class Responder final : private httplib::Server {
         [this](const httplib::Request&, httplib::Response& answer) { FinishHeaders(answer); });
   }
 
-  /// False when the client does not take the whole answer.
+  /// False if the client does not take the whole answer.
   bool Answer(Exchange& exchange) {
     exchange_ = &exchange;
     LibraryStream stream(connection_);
@@ -192,20 +193,21 @@ class Responder final : private httplib::Server {
     }
   }
 
-  /// Undoes what the library adds by itself.
+  /// Removes headers that the library adds.
   void FinishHeaders(httplib::Response& answer) const {
     answer.headers.erase("Keep-Alive");
     answer.headers.erase("Accept-Ranges");
     answer.headers.erase("Connection");
     if (exchange_->response().close) answer.set_header("Connection", "close");
-    // RFC 9110, 8.6: never in a 204; in a 304 it would speak of the answer that was not sent.
+    // RFC 9110, 8.6: never in a 204; in a 304 it would be the length of the answer that was not
+    // sent.
     if (answer.status == 204 || answer.status == 304) answer.headers.erase("Content-Length");
   }
 
   Connection& connection_;
   const ConnectionPool::Slot& slot_;
   HttpHandler& handler_;
-  Exchange* exchange_ = nullptr;  ///< the one that is answered
+  Exchange* exchange_ = nullptr;  ///< the exchange that is answered
 };
 
 }  // namespace
@@ -219,8 +221,8 @@ class HttpServer::Impl final : public httplib::Server {
               [this](int fd, ConnectionPool::Slot& slot) { Serve(fd, slot); }) {
     new_task_queue = [] { return new ImmediateQueue; };  // the library deletes it
     set_tcp_nodelay(true);
-    // Not SO_REUSEPORT, the library's default, with which a second daemon would share the port in
-    // silence.
+    // Not SO_REUSEPORT, the library's default, with which a second daemon would silently share the
+    // port.
     set_socket_options([](socket_t socket) {
       const int yes = 1;
       setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
@@ -240,7 +242,7 @@ class HttpServer::Impl final : public httplib::Server {
       return "cannot listen on " + options_.host + ":" + std::to_string(options_.port) + ": " +
              reason;
     }
-    // The library listens with a backlog of 5; bursts would wait for seconds.
+    // The library's backlog is 5, with which bursts would wait for seconds.
     ::listen(svr_sock_, kBacklog);
     listener_ = fcntl(svr_sock_, F_DUPFD_CLOEXEC, 0);
     if (listener_ < 0) return "cannot listen: " + std::string(std::strerror(errno));
@@ -268,9 +270,9 @@ class HttpServer::Impl final : public httplib::Server {
   }
 
  private:
-  /// The library gives up its socket when accept() reports what passes, such as a full table of
-  /// files (ENFILE) or a client that left early (ECONNABORTED). The socket lives on in listener_
-  /// with all that waits in its queue; hand it out again.
+  /// The library closes its socket when accept() reports a temporary error, such as a full table of
+  /// files (ENFILE) or a client that left early (ECONNABORTED). listener_ keeps the socket and its
+  /// queue open, so it is set again.
   void AcceptUntilStopped() {
     while (!stopping_) {
       listen_after_bind();
@@ -278,7 +280,7 @@ class HttpServer::Impl final : public httplib::Server {
       while (!stopping_) {
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
         const int socket = fcntl(listener_, F_DUPFD_CLOEXEC, 0);
-        if (socket < 0) continue;  // no descriptor to be had: the same trouble
+        if (socket < 0) continue;  // no free descriptor: the same error
         svr_sock_ = socket;
         break;
       }
@@ -293,23 +295,23 @@ class HttpServer::Impl final : public httplib::Server {
     return true;
   }
 
-  /// The life of one connection.
+  /// Serves one connection to its end.
   void Serve(int fd, ConnectionPool::Slot& slot) noexcept {
     try {
       Connection connection(fd);
       Responder responder(connection, slot, handler_);
       const std::string remote_addr = RemoteAddress(fd);
-      auto wait = options_.head_timeout;  // a new connection is expected to speak
+      auto wait = options_.head_timeout;  // a new connection is expected to send a request
       while (ServeOne(connection, responder, slot, remote_addr, wait) && slot.BecomeIdle()) {
         wait = options_.idle_timeout;
       }
       connection.CloseGently();
     } catch (...) {
-      // Out of memory outside of a request: the connection is lost, nothing else.
+      // Out of memory outside a request: only the connection is lost.
     }
   }
 
-  /// False when the connection is to be closed.
+  /// False if the connection must be closed.
   bool ServeOne(Connection& connection, Responder& responder, ConnectionPool::Slot& slot,
                 const std::string& remote_addr, std::chrono::milliseconds wait) {
     Exchange exchange(connection, watch_, options_.body_pace, remote_addr);
@@ -334,7 +336,7 @@ class HttpServer::Impl final : public httplib::Server {
     return true;
   }
 
-  /// False when the client left without a request.
+  /// False if the client left without a request.
   bool ReadHead(Connection& connection, Exchange& exchange) {
     switch (connection.ReadHead(Clock::now() + options_.head_timeout, options_.head.bytes)) {
       case Connection::Read::kDone: {

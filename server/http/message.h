@@ -1,5 +1,5 @@
-// Requests and answers as the daemon's own types. The adaptor (http_server.h) makes and consumes
-// them; no other file knows which library carries them.
+// The daemon's types of requests and answers. The adaptor (http_server.h) makes and consumes them;
+// no other file depends on the HTTP library.
 #pragma once
 
 #include <chrono>
@@ -20,7 +20,7 @@
 
 namespace kdray::server {
 
-/// Header fields in the order they came or will be sent. Names compare without case.
+/// Header fields in the order in which they are received or sent. Names are case-insensitive.
 class HttpHeaders {
  public:
   /// Appends a field; a second one of the same name is kept beside the first.
@@ -37,52 +37,51 @@ class HttpHeaders {
   std::vector<std::pair<std::string, std::string>> fields_;
 };
 
-/// Equal but for the case of ASCII letters.
+/// Equal except for the case of ASCII letters.
 bool EqualsIgnoringCase(std::string_view a, std::string_view b);
 
-/// The connection a request came on, as its handler sees it.
+/// A request's connection, as its handler sees it.
 class HttpPeer {
  public:
   virtual ~HttpPeer() = default;
 
-  /// Length of the request's body as declared; 0 when there is none.
+  /// Declared length of the request's body; 0 without a body.
   virtual std::uint64_t body_size() const = 0;
-  /// Fills at most `out` with the next bytes of the body and says how many; 0 at its end. The first
-  /// call tells a client that waits for it to go on (Expect: 100-continue), so refuse before it.
-  /// request_timeout for a client that dribbles, malformed_request when the body ends early.
+  /// Fills at most `out` with the next bytes of the body and returns their number; 0 at its end.
+  /// The first call sends 100 Continue to a client that waits for it, so reject the request before.
+  /// request_timeout for a slow client, malformed_request if the body ends early.
   virtual api::Outcome<std::size_t> ReadBody(std::span<std::byte> out) = 0;
-  /// Cancels `token` should the client leave while the returned handle lives. A client that only
-  /// closes its sending side stays. One handle at a time.
+  /// Cancels `token` if the client leaves during the lifetime of the returned handle. A client that
+  /// only closes its sending side has not left. One handle at a time.
   virtual std::shared_ptr<void> CancelWhenGone(const core::CancelToken& token) = 0;
 };
 
 struct HttpRequest {
   std::string method;
-  std::string path;          ///< as it came: still percent-encoded
+  std::string path;          ///< as sent, still percent-encoded
   std::string query_string;  ///< after the '?', still percent-encoded
   HttpHeaders headers;
   std::string remote_addr;
-  HttpPeer* peer = nullptr;  ///< lives as long as the request is handled; null for a request that
-                             ///< was refused before it was understood
-  std::chrono::steady_clock::time_point received;  ///< when its head was complete
+  HttpPeer* peer =
+      nullptr;  ///< valid while the request is handled; null for a request with an invalid head
+  std::chrono::steady_clock::time_point received;  ///< the time when its head was complete
 };
 
-/// The bytes of an answer: owned, shared, or read piece by piece while they are sent.
+/// The bytes of an answer: owned, static, or read piece by piece while they are sent.
 class HttpBody {
  public:
-  /// Fills `out` from `offset`; false breaks the answer off. Called with growing offsets by one
-  /// thread.
+  /// Fills `out` from `offset`; false aborts the answer. Called with growing offsets by one thread.
   using Reader = std::function<bool(std::uint64_t offset, std::span<std::byte> out)>;
 
   HttpBody() = default;
   HttpBody(std::string text);              // NOLINT(google-explicit-constructor)
   HttpBody(std::vector<std::byte> bytes);  // NOLINT(google-explicit-constructor)
-  /// Bytes that live as long as the program (embedded files).
+  /// Static bytes (embedded files).
   static HttpBody Static(std::string_view bytes);
   static HttpBody Streamed(std::uint64_t size, Reader reader);
 
   std::uint64_t size() const { return size_; }
-  /// Null when the body is streamed.
+  /// Null if the body is streamed.
   const char* data() const { return data_; }
   const Reader& reader() const { return reader_; }
   std::string_view text() const { return {data_, data_ == nullptr ? 0 : std::size_t(size_)}; }
@@ -99,11 +98,11 @@ struct HttpResponse {
   HttpHeaders headers;
   HttpBody body;
   std::string error_code;  ///< wire name of the problem, for the log; empty for a success
-  std::string cause;       ///< what stays in the log and is not sent
+  std::string cause;       ///< for the log, not sent
   bool close = false;      ///< end the connection after this answer
 };
 
-/// The status of a request whose client left before there was an answer. Recorded, never sent.
+/// The status of a request whose client left before the answer. Logged, never sent.
 constexpr int kClientGone = 499;
 
 /// One answered request, for the log.
@@ -111,17 +110,17 @@ struct HttpRecord {
   std::string method, path, remote_addr, request_id, error_code, cause;
   int status = 0;
   std::uint64_t bytes_in = 0;   ///< of the body
-  std::uint64_t bytes_out = 0;  ///< with the head
+  std::uint64_t bytes_out = 0;  ///< head included
   double ms = 0;                ///< from the complete head to the last byte handed over
   bool complete = false;        ///< the client took the whole answer
 };
 
-/// What stands behind the adaptor. Called from many threads at once.
+/// The service that the adaptor calls, from many threads at once.
 class HttpHandler {
  public:
   virtual ~HttpHandler() = default;
   virtual HttpResponse Handle(const HttpRequest& request) = 0;
-  /// The answer to a request that the adaptor refuses, of which `request` holds what is known.
+  /// The answer to an invalid request; `request` has the parts that are known.
   virtual HttpResponse Refuse(const HttpRequest& request, const api::Problem& problem) = 0;
   virtual void Answered(const HttpRecord& record) noexcept = 0;
 };

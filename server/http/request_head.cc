@@ -20,7 +20,7 @@ bool IsToken(std::string_view text) {
   return !text.empty() && std::all_of(text.begin(), text.end(), IsTokenChar);
 }
 
-/// Printable ASCII without the space; a fragment never travels.
+/// Printable ASCII without the space; fragments are never sent.
 bool IsTargetChar(char c) { return c > ' ' && c < '\x7f' && c != '#'; }
 
 /// RFC 9110, 5.5: visible characters, blanks and bytes above ASCII; no control characters.
@@ -50,7 +50,7 @@ Problem Malformed(std::string detail) {
   return Problem{.code = ErrorCode::kMalformedRequest, .detail = std::move(detail)};
 }
 
-/// Takes the next line off `text`. nullopt for a line that does not end in CRLF.
+/// Removes the next line from `text`. nullopt for a line that does not end in CRLF.
 std::optional<std::string_view> TakeLine(std::string_view& text) {
   const auto feed = text.find('\n');
   if (feed == std::string_view::npos || feed == 0 || text[feed - 1] != '\r') return std::nullopt;
@@ -64,7 +64,7 @@ class HeadParser {
   HeadParser(std::string_view text, const HeadLimits& limits) : rest_(text), limits_(limits) {}
 
   std::optional<Problem> Parse() {
-    // RFC 9112, 2.2: an empty line before the request line is overlooked.
+    // RFC 9112, 2.2: an empty line before the request line is ignored.
     if (rest_.starts_with("\r\n")) rest_.remove_prefix(2);
     if (auto problem = ParseRequestLine()) return problem;
     if (auto problem = ParseFields()) return problem;
@@ -112,7 +112,7 @@ class HeadParser {
   }
 
   std::optional<Problem> SetTarget(std::string_view target) {
-    // Absolute-form (RFC 9112, 3.2.2): what a proxy is sent, and every server must take.
+    // Absolute-form (RFC 9112, 3.2.2), which clients send to proxies and every server must accept.
     constexpr std::string_view kScheme = "http://";
     if (target.size() > kScheme.size() &&
         EqualsIgnoringCase(target.substr(0, kScheme.size()), kScheme)) {
@@ -147,7 +147,7 @@ class HeadParser {
       const auto colon = line->find(':');
       if (colon == std::string_view::npos) return Malformed("a header line has no colon");
       const std::string_view name = line->substr(0, colon);
-      // Catches folded lines and blanks before the colon, too.
+      // Also rejects folded lines and blanks before the colon.
       if (!IsToken(name)) return Malformed("a header name is not a token");
       const std::string_view value = Trim(line->substr(colon + 1));
       if (!std::all_of(value.begin(), value.end(), IsValueChar)) {
@@ -213,8 +213,8 @@ std::variant<RequestHead, RefusedHead> ParseRequestHead(std::string_view text,
 }
 
 std::size_t FindHeadEnd(std::string_view text, std::size_t from) {
-  // A line begins at 0 and behind each line feed; an empty line that is not the first ends the
-  // head. One empty line in front of the request line is overlooked, as in Parse().
+  // A line begins at 0 and after each line feed; an empty line that is not the first ends the head.
+  // One empty line before the request line is ignored, as in Parse().
   std::size_t start = text.starts_with("\r\n") ? 2 : text.starts_with("\n") ? 1 : 0;
   std::size_t feed = text.find('\n', std::max(from > 2 ? from - 2 : 0, start));
   while (feed != std::string_view::npos) {

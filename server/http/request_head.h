@@ -1,6 +1,6 @@
-// The head of a request: request line and header fields, read strictly. What two readers could
-// understand differently is refused, because a body taken for a request is how requests are
-// smuggled. Source: RFC 9112 (HTTP/1.1), sections 2 to 6.
+// Parses the head of a request strictly: request line and header fields. Ambiguous heads are
+// errors, because a body that is read as a request allows request smuggling. Source: RFC 9112
+// (HTTP/1.1), sections 2 to 6.
 #pragma once
 
 #include <cstddef>
@@ -22,29 +22,28 @@ struct HeadLimits {
 
 struct RequestHead {
   std::string method;
-  std::string path, query_string;  ///< origin-form, percent-encoded as they came; an absolute-form
-                                   ///< target is cut down to it
+  std::string path, query_string;    ///< origin-form, percent-encoded as sent; an absolute-form
+                                     ///< target is reduced to it
   HttpHeaders headers;               ///< values without the blanks around them
   std::uint64_t content_length = 0;  ///< saturates
   bool expects_continue = false;
   bool keep_alive = true;
 };
 
-/// What could be made out before the refusal comes along, for the log and for HEAD.
+/// An error, with the parts of the head that were parsed before it, for the log and for HEAD.
 struct RefusedHead {
   RequestHead known;
   api::Problem problem;
 };
 
-/// `text` runs from the first byte to the end of the blank line, that included. Refuses with
-/// malformed_request, uri_too_long, headers_too_large or length_required (any Transfer-Encoding).
-/// Bodies belong to POST, PUT and PATCH only. O(bytes).
+/// `text` ends with the blank line. Errors: malformed_request, uri_too_long, headers_too_large,
+/// length_required (any Transfer-Encoding). Only POST, PUT and PATCH may have bodies. O(bytes).
 std::variant<RequestHead, RefusedHead> ParseRequestHead(std::string_view text,
                                                         const HeadLimits& limits);
 
-/// Number of bytes up to and with the blank line that ends a head in `text`, or 0 when it has not
-/// come yet. `from` is where the last look ended. A bare line feed ends lines here too, so that a
-/// malformed head is complete and can be refused at once.
+/// Number of bytes up to and including the blank line that ends a head in `text`; 0 if it is not
+/// complete. `from` is the size of `text` at the last call. A bare line feed ends lines too, so a
+/// malformed head is complete and fails at once.
 std::size_t FindHeadEnd(std::string_view text, std::size_t from);
 
 }  // namespace kdray::server

@@ -1,4 +1,4 @@
-// The contract for people: /docs. The build makes its first part of the OpenAPI document
+// The readable contract at /docs. The build makes its first part from the OpenAPI document
 // (cmake/contract_page.py); the table of errors follows.
 #pragma once
 
