@@ -6,7 +6,7 @@ namespace kdray::api {
 
 Problem UnknownField(std::string_view name, const std::vector<std::string_view>& names) {
   std::string detail = "there is no " + Quoted(name) + " here";
-  const char* before = names.empty() ? "; nothing is taken" : "; there are ";
+  const char* before = names.empty() ? "; none is allowed" : "; there are ";
   if (names.empty()) detail += before;
   for (const std::string_view known : names) {
     detail += before;

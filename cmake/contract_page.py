@@ -55,7 +55,7 @@ class Page:
     def make(self):
         info = self.document["info"]
         parts = [f"<h1>{escape(info['title'])} {escape(info['version'])}</h1>\n", paragraphs(info["description"]),
-                 '<p>The same for programs: <a href="/openapi.json">/openapi.json</a></p>\n']
+                 '<p>For programs: <a href="/openapi.json">/openapi.json</a></p>\n']
         for path, item in self.document["paths"].items():
             parts += [self.operation(method, path, item) for method in METHODS if method in item]
         return "".join(parts)

@@ -19,7 +19,7 @@ Problem StoppedWaiting(const core::CancelToken& cancel) {
     return {.code = ErrorCode::kDraining, .detail = "the server is shutting down"};
   }
   return {.code = ErrorCode::kDeadlineExceeded,
-          .detail = "the request's turn did not come in time"};
+          .detail = "the request got no turn before its deadline"};
 }
 
 }  // namespace
@@ -30,7 +30,7 @@ api::Outcome<Admission::Turn> Admission::Enter(const core::CancelToken& cancel) 
   if (running_ >= max_running_ || !queue_.empty()) {
     if (queue_.size() >= max_queued_) {
       return Problem{.code = ErrorCode::kOverloaded,
-                     .detail = "there is as much work running and waiting as this server takes",
+                     .detail = "the server is at its limit of running and waiting requests",
                      .limit = static_cast<double>(max_running_ + max_queued_)};
     }
     const auto place = queue_.emplace(queue_.end());

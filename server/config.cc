@@ -145,32 +145,33 @@ std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv) 
   constexpr std::int64_t kMany = 1'000'000'000;
 
   options.AddText("--host", config.host, "address to listen on", "TEXT");
-  options.AddInteger("--port", config.port, 0, 65535, "port; 0 picks a free one");
-  options.AddText("--data-dir", data_dir, "where meshes and trees are kept", "DIR");
+  options.AddInteger("--port", config.port, 0, 65535, "port; 0 chooses a free one");
+  options.AddText("--data-dir", data_dir, "directory of meshes and trees", "DIR");
   options.AddInteger("--threads", config.threads, 1, 1024,
                      "threads for queries, and as many for builds");
   options.AddSize("--memory-limit", config.memory_limit_bytes,
                   "memory for meshes, trees and requests (default " +
                       SizeText(config.memory_limit_bytes) + ")");
   options.AddSize("--store-limit", config.store_limit_bytes,
-                  "disk space for meshes and trees (default: all there is)");
+                  "disk space for meshes and trees (default: the whole disk)");
   options.AddSize("--max-upload", config.limits.max_upload_bytes,
                   "largest mesh (default " + SizeText(config.limits.max_upload_bytes) + ")");
   options.AddInteger("--max-rays", config.limits.max_rays, 1, kMany, "rays in a batch");
   options.AddInteger("--max-pixels", config.limits.max_pixels, 1, std::int64_t{1} << 30,
                      "pixels of an image");
   options.AddInteger("--max-connections", config.max_connections, 1, 100'000,
-                     "connections at the same time");
+                     "simultaneous connections");
   options.Add("--max-running",
-              "queries and renders computed at the same time (default: --threads, at least 2)", "N",
-              TakeInteger(1, 1024, [&](std::int64_t value) {
+              "queries and renders that compute at the same time (default: --threads, at least 2)",
+              "N", TakeInteger(1, 1024, [&](std::int64_t value) {
                 max_running = static_cast<std::size_t>(value);
               }));
   options.AddInteger("--max-queued", config.max_queued, 0, kMany,
                      "queries and renders that wait for their turn");
-  options.AddText("--token-file", token_file, "tokens that clients must send, one a line", "FILE");
+  options.AddText("--token-file", token_file,
+                  "file of the tokens that clients must send, one per line", "FILE");
   options.AddInteger("--drain-timeout-ms", config.drain_timeout_ms, 0, 3'600'000,
-                     "time that requests under way get to finish after SIGTERM");
+                     "time for running requests to finish after SIGTERM");
 
   try {
     app.parse(argc, argv);

@@ -61,7 +61,7 @@ api::Check ToCheck(const core::Status& status) {
 
 api::Problem NotMeasured() {
   return {.code = api::ErrorCode::kNotMeasured,
-          .detail = "nothing has been measured for this tree; POST begins it"};
+          .detail = "nothing has been measured for this tree; POST starts a measurement"};
 }
 
 /// Increments a count during its lifetime.
@@ -286,7 +286,7 @@ class LibraryBackend final : public CoreBackend {
       position = ParseCursor(after);
       if (!position) {
         return ToProblem({.code = core::ErrorCode::kInvalidArgument,
-                          .message = "must be `next` of an earlier page, as it came",
+                          .message = "must be `next` of an earlier page, unchanged",
                           .field = "after"});
       }
     }

@@ -45,8 +45,8 @@ void LogFindings(const Log& log, const BackendCounters& counters) {
     log.Write(LogLevel::kWarning, "unrecorded_meshes",
               {{"count", counters.unrecorded_meshes},
                {"message",
-                "stored meshes that no tree names are kept; uploading the same bytes "
-                "takes them in again"}});
+                "stored meshes without a tree are kept; uploading the same bytes "
+                "makes trees of them again"}});
   }
   if (counters.unreadable_meshes != 0) {
     log.Write(LogLevel::kWarning, "unreadable_meshes",

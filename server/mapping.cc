@@ -184,7 +184,7 @@ api::Problem ToProblem(const core::Error& error, api::ErrorCode not_found) {
       problem.detail =
           error.code == core::ErrorCode::kCorrupt
               ? "the stored mesh is damaged or cannot be read; uploading it again repairs it"
-              : "the server made a mistake or its disk failed";
+              : "the server had an internal error, or its disk failed";
       break;
     case api::ErrorCode::kDraining:
       problem.detail = "the server is shutting down";

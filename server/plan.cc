@@ -19,7 +19,7 @@ std::string DescribeStructure(const core::TreeRecord& record, const core::MeshFa
   } else if (build == core::BuildKind::kBox) {
     text += "): " + std::to_string(mesh.triangles) + " triangles need no tree";
   } else {
-    text += "), what auto picks for " + std::to_string(mesh.triangles) + " triangles";
+    text += "), the choice of auto for " + std::to_string(mesh.triangles) + " triangles";
   }
   return text + ". ";
 }
@@ -69,14 +69,14 @@ std::string DescribePrecision(const core::MeshFacts& mesh) {
 
 std::string DescribeClosedness(const core::MeshHealth& health) {
   if (health.closed) {
-    return "The mesh is closed, so no ray from inside escapes unseen, but with fast.";
+    return "The mesh is closed, so rays from inside always hit it, except in fast.";
   }
   std::string text = "The mesh is not closed";
   if (health.open_edges != 0 || health.non_manifold_edges != 0) {
     text += " (" + std::to_string(health.open_edges) + " open and " +
             std::to_string(health.non_manifold_edges) + " non-manifold edges)";
   }
-  return text + ", so watertightness is not promised.";
+  return text + ", so watertightness is not guaranteed.";
 }
 
 }  // namespace

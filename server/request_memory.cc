@@ -33,7 +33,7 @@ api::Check RequestMemory::Check(std::uint64_t bytes) const {
 
 Problem RequestMemory::FullLocked(std::uint64_t bytes) const {
   return Problem{.code = api::ErrorCode::kMemoryFull,
-                 .detail = "the requests under way hold the memory that this one needs",
+                 .detail = "other requests hold the memory that this one needs",
                  .limit = static_cast<double>(limit_),
                  .actual = static_cast<double>(used_) + static_cast<double>(bytes)};
 }

@@ -67,7 +67,7 @@ api::Check CheckContentEncoding(const HttpRequest& request) {
   const auto coding = request.headers.Find("Content-Encoding");
   if (!coding || coding->empty() || EqualsIgnoringCase(*coding, "identity")) return std::nullopt;
   return Problem{.code = ErrorCode::kUnsupportedEncoding,
-                 .detail = "the body must be sent as it is, without Content-Encoding",
+                 .detail = "the body must be sent without Content-Encoding",
                  .parameter = "Content-Encoding"};
 }
 
@@ -95,7 +95,7 @@ HttpResponse Service::Handle(const HttpRequest& request) {
     // Work was cancelled, and this server goes on. No client is told to come back later for that.
     response = ProblemAnswer(
         {.code = ErrorCode::kInternal, .detail = "the request could not be finished"}, request_id);
-    response.cause = "the work was cancelled, and neither client nor server ends";
+    response.cause = "the work was cancelled, but neither the client nor the server has ended";
   }
   if (!answer && answer.problem().code == ErrorCode::kMethodNotAllowed) {
     response.headers.Add("Allow", Allow(*match.route));
@@ -113,7 +113,7 @@ api::Outcome<HttpResponse> Service::Answer(const HttpRequest& request, const Rou
   }
   if (match.route == nullptr) {
     return Problem{.code = ErrorCode::kNotFound,
-                   .detail = "there is nothing here; /openapi.json lists the paths there are"};
+                   .detail = "this path does not exist; /openapi.json lists the paths"};
   }
   if (match.handler == nullptr) {
     return Problem{.code = ErrorCode::kMethodNotAllowed,

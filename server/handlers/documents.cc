@@ -94,7 +94,7 @@ api::Outcome<HttpResponse> GetProblemPage(const HandlerContext& context, RoutedR
   if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
   const auto code = api::ParseErrorCode(routed.path_parameter);
   if (!code) {
-    return Problem{.code = ErrorCode::kNotFound, .detail = "there is no problem of this name"};
+    return Problem{.code = ErrorCode::kNotFound, .detail = "no problem has this code"};
   }
   const api::ErrorRow& row = api::RowOf(*code);
   const std::string body = "<h1>" + EscapeHtml(row.title) + "</h1>\n<p><code>" +

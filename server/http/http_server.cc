@@ -318,7 +318,7 @@ class HttpServer::Impl final : public httplib::Server {
     if (slot.shed()) {
       exchange.Refuse({{},
                        Problem{.code = ErrorCode::kOverloaded,
-                               .detail = "there are as many connections as this server takes",
+                               .detail = "the server is at its limit of connections",
                                .limit = static_cast<double>(options_.max_connections)}});
     } else {
       if (connection.WaitForByte(Clock::now() + wait) != Connection::Read::kDone ||

@@ -97,15 +97,15 @@ class HeadParser {
       return Problem{.code = ErrorCode::kUriTooLong,
                      .detail = "the request target has " + std::to_string(target.size()) +
                                " bytes, at most " + std::to_string(limits_.uri_bytes) +
-                               " are taken; POST takes the fields of a render as JSON",
+                               " are allowed; send the fields of a render as JSON with POST",
                      .limit = static_cast<double>(limits_.uri_bytes),
                      .actual = static_cast<double>(target.size())};
     }
     if (!std::all_of(target.begin(), target.end(), IsTargetChar)) {
-      return Malformed("the request target holds a character that must be percent-encoded");
+      return Malformed("the request target has a character that must be percent-encoded");
     }
     if (version != "HTTP/1.1" && version != "HTTP/1.0") {
-      return Malformed("only HTTP/1.1 and HTTP/1.0 are spoken here");
+      return Malformed("only HTTP/1.1 and HTTP/1.0 are supported");
     }
     is_1_0_ = version == "HTTP/1.0";
     return SetTarget(target);
@@ -141,7 +141,7 @@ class HeadParser {
       if (count == limits_.fields) {
         return Problem{
             .code = ErrorCode::kHeadersTooLarge,
-            .detail = "at most " + std::to_string(limits_.fields) + " header fields are taken",
+            .detail = "at most " + std::to_string(limits_.fields) + " header fields are allowed",
             .limit = static_cast<double>(limits_.fields)};
       }
       const auto colon = line->find(':');
@@ -151,7 +151,7 @@ class HeadParser {
       if (!IsToken(name)) return Malformed("a header name is not a token");
       const std::string_view value = Trim(line->substr(colon + 1));
       if (!std::all_of(value.begin(), value.end(), IsValueChar)) {
-        return Malformed("a header value holds a control character");
+        return Malformed("a header value has a control character");
       }
       head_.headers.Add(name, value);
     }
@@ -172,7 +172,7 @@ class HeadParser {
     if (head_.headers.Count("Transfer-Encoding") != 0) {
       if (lengths != 0) return Malformed("Content-Length and Transfer-Encoding exclude each other");
       return Problem{.code = ErrorCode::kLengthRequired,
-                     .detail = "chunked bodies are not taken; send Content-Length"};
+                     .detail = "chunked bodies are not accepted; send Content-Length"};
     }
     if (lengths == 0) return std::nullopt;
     if (lengths > 1) return Malformed("there is more than one Content-Length header");

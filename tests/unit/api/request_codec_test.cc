@@ -689,7 +689,7 @@ TEST(PathsWithoutParameters, RefuseAny) {
   const Check refused = CheckNoParameters("x=1");
   ASSERT_TRUE(refused.has_value());
   EXPECT_EQ(refused->parameter, "x");
-  EXPECT_THAT(refused->detail, HasSubstr("nothing is taken"));
+  EXPECT_THAT(refused->detail, HasSubstr("none is allowed"));
   EXPECT_TRUE(CheckNoParameters("%").has_value());
 }
 

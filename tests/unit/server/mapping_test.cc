@@ -181,7 +181,7 @@ TEST(Plan, SaysStructureVerticesPrecisionAndWhatIsNotPromised) {
   EXPECT_THAT(plan, HasSubstr("floats (12 bytes)"));
   EXPECT_THAT(plan, HasSubstr("auto means watertight"));
   EXPECT_THAT(plan, HasSubstr("4 open and 5 non-manifold"));
-  EXPECT_THAT(plan, HasSubstr("watertightness is not promised"));
+  EXPECT_THAT(plan, HasSubstr("watertightness is not guaranteed"));
 
   record.id.build = core::BuildKind::kBvh;
   record.mesh->health.closed = true;
