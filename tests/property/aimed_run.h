@@ -1,4 +1,4 @@
-// Rays that must hit, in every precision: how many leak, and how far t is from the exact one.
+// Traces rays that must hit in every precision, and counts leaks and differences of t from `exact`.
 #pragma once
 
 #include <array>
@@ -11,16 +11,16 @@
 
 namespace kdray::test {
 
-/// Answers of one precision against those of `exact` on the same rays. Their t may differ by e *
-/// (|t| + extent/|direction|) / |cos|, extent being the mesh's longest side and cos that between
-/// the ray and the named triangle's normal.
+/// Answers of one precision compared with those of `exact` on the same rays. Their t may differ by
+/// e * (|t| + extent/|direction|) / |cos|, extent being the mesh's longest side and cos that
+/// between the ray and the named triangle's normal.
 struct Agreement {
   // Within the bound, by the two triangles:
   std::size_t same = 0, neighbours = 0;  ///< the same one; two that share an edge
   std::size_t corners = 0;  ///< two that share less: the ray goes through a corner, where many tie
   /// Beyond it, but explained: the nearer of the two hits is within a pad (core/geometry/
-  /// local_ray.h) of its triangle's border. One precision sees the ray touch a fold of the surface
-  /// there and the other sees it pass.
+  /// local_ray.h) of its triangle's border. In one precision the ray touches a fold of the surface
+  /// there, in the other it passes.
   std::size_t folds = 0;
   std::size_t unexplained = 0;
   double largest = 0;  ///< the largest difference of those within the bound, in bounds
@@ -38,9 +38,9 @@ struct AimedRun {
 AimedRun RunAimed(const ClosedMesh& mesh, const RayFamily& family, std::size_t count,
                   std::mt19937_64& engine);
 
-/// Prints a row a precision (lines that begin with "| ", which tests/accuracy makes its table of)
-/// and expects that nothing leaks but in `fast`, which promises nothing, and that no difference in
-/// t is unexplained.
+/// Prints a row per precision (lines that begin with "| ", of which tests/accuracy makes its
+/// table). Expects no leaks except in `fast`, which guarantees nothing, and no unexplained
+/// difference of t.
 void ExpectTight(std::string_view family, std::string_view mesh, const AimedRun& run);
 
 }  // namespace kdray::test

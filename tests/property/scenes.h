@@ -16,12 +16,12 @@
 
 namespace kdray::test {
 
-/// The mesh and one build over it; fails the test when either is refused.
+/// The mesh and one build over it; fails the test if either fails.
 core::Scene MakeScene(const core::MeshData& data, core::BuildKind build);
 /// One mesh shared by every build.
 std::vector<core::Scene> MakeScenes(const core::MeshData& data);
 
-/// The usual options in that precision.
+/// The usual options in this precision.
 core::TraceOptions With(core::Precision precision);
 
 /// Every way to work off a batch: as the batch suggests, and each engine on each level of vectors

@@ -1,5 +1,5 @@
-// How much memory a piece of code holds at its peak. Linking this replaces operator new and delete
-// in the whole program, so only programs that use it pay for it.
+// Measures the peak memory of a piece of code. Linking this replaces operator new and delete in the
+// whole program, so only programs that use it pay for it.
 #pragma once
 
 #include <cstddef>
@@ -7,13 +7,13 @@
 
 namespace kdray::test {
 
-/// Watches all threads from its construction on. One at a time.
+/// Counts the allocations of all threads from its construction on. One object at a time.
 class AllocationPeak {
  public:
   AllocationPeak();
-  /// The most bytes that were allocated at once since then, above what there was at that time.
+  /// The peak of allocated bytes since the construction, minus those at the construction.
   std::uint64_t bytes() const;
-  /// Bytes allocated now, above what there was at that time.
+  /// Bytes allocated now, minus those at the construction.
   std::uint64_t held() const;
 
  private:

@@ -1,5 +1,5 @@
-// How soon a call ends that is cancelled while it works. Measured in the processor time of the
-// calling thread, so that a busy machine changes nothing; the call runs on that thread alone. With
+// Measures the time from the cancellation of a running call to its end, in processor time of the
+// calling thread, so a busy machine does not change it; the call runs on that thread alone. With
 // KDRAY_CANCEL_WALL=1, which tests/cancellation sets, in wall-clock time.
 #pragma once
 
@@ -16,23 +16,23 @@
 
 namespace kdray::test {
 
-/// Every call has to end within this time of its cancellation.
+/// Every call must end within this time after its cancellation.
 inline constexpr std::chrono::milliseconds kPromptly{250};
 
 /// Processor time of the calling thread; with KDRAY_CANCEL_WALL=1, the time of a clock.
 std::chrono::nanoseconds ThreadTime();
 
-/// By how much inputs are to be larger than usual: 1, and more with KDRAY_CANCEL_WALL=1.
+/// The factor of the inputs' size: 1, and more with KDRAY_CANCEL_WALL=1.
 std::size_t CancelScale();
 
 struct CancelledCall {
-  /// False when the call was over before its cancellation: then it says nothing.
+  /// False if the call ended before its cancellation; then it proves nothing.
   bool was_cancelled = false;
   std::chrono::nanoseconds late{0};  ///< from the cancellation to the return
   core::Status status;
 };
 
-/// Calls Cancel() on a token from another thread once this one has worked for `after`.
+/// Calls Cancel() on a token from another thread after this thread has worked for `after`.
 class CancelAfter {
  public:
   explicit CancelAfter(std::chrono::milliseconds after);
@@ -41,7 +41,7 @@ class CancelAfter {
   CancelAfter& operator=(const CancelAfter&) = delete;
 
   const core::CancelToken& token() const { return token_; }
-  /// Call once, when the work is over.
+  /// Call once, after the work.
   CancelledCall Finish(core::Status status);
 
  private:
@@ -50,7 +50,7 @@ class CancelAfter {
   std::unique_ptr<Watcher> watcher_;
 };
 
-/// Runs call(token), which returns a Status, and cancels it after so much work.
+/// Runs call(token), which returns a Status, and cancels it after the given work.
 template <class Call>
 CancelledCall CancelDuring(std::chrono::milliseconds after, const Call& call) {
   CancelledCall result;
@@ -62,11 +62,11 @@ CancelledCall CancelDuring(std::chrono::milliseconds after, const Call& call) {
   return result;
 }
 
-/// Fails unless the call was cancelled while it worked, ended promptly, and said so. `what` names
-/// it in the message.
+/// Fails unless the call was cancelled while it ran, ended promptly, and returned the cancellation.
+/// `what` names it in the message.
 void ExpectPrompt(const CancelledCall& call, const std::string& what);
 
-/// A token that is cancelled at its n-th look, the first being number 1.
+/// A token that stops at its n-th check, counted from 1.
 core::CancelToken CancelledAtLook(std::uint64_t n);
 
 /// Success, or the error of a Result.

@@ -12,8 +12,8 @@ namespace kdray::test {
 using CsvRow = std::map<std::string, std::string>;
 
 /// The rows below the header line. Fields may be quoted ("" is a quote inside). Throws
-/// std::runtime_error when the file cannot be read or a row has another number of fields than the
-/// header.
+/// std::runtime_error if the file cannot be read, or the number of a row's fields differs from the
+/// header's.
 std::vector<CsvRow> ReadCsv(const std::filesystem::path& path);
 
 }  // namespace kdray::test

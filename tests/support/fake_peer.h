@@ -1,4 +1,4 @@
-// The connection of a request that no socket carries.
+// The connection of a request without a socket.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,7 @@ class FakePeer final : public server::HttpPeer {
  public:
   explicit FakePeer(std::string body = {}) : body_(std::move(body)), size_(body_.size()) {}
 
-  /// Declares another length than there are bytes.
+  /// Declares a length that differs from the number of bytes.
   void Declare(std::uint64_t size) { size_ = size; }
   bool was_read() const { return was_read_; }
 

@@ -1,4 +1,4 @@
-// How different two pictures look to a person who flips between them.
+// The visible difference of two pictures for a person who flips between them.
 #pragma once
 
 #include <cstddef>
@@ -12,7 +12,7 @@ struct LinearImage {
   std::vector<float> rgb;  ///< 3 * width * height
 };
 
-/// Pixels a degree of the field of view, as in the paper: a 0.7 m wide screen of 3840 pixels at
+/// Pixels per degree of the field of view, as in the paper: a 0.7 m wide screen of 3840 pixels at
 /// 0.7 m.
 inline constexpr double kFlipPixelsPerDegree = 67.0206;
 

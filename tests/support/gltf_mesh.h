@@ -1,5 +1,5 @@
-// glTF 2.0 files to MeshData, for tests: core reads none, and the collection has closed meshes that
-// come in no other format.
+// Reads glTF 2.0 files into MeshData, for tests: core does not read them, and the collection has
+// closed meshes only in this format.
 #pragma once
 
 #include <cstddef>
@@ -10,13 +10,13 @@
 namespace kdray::test {
 
 /// The triangles of a GLB file, or of a glTF file whose buffers are `data:` URIs: those of its
-/// default scene (the first one when it names none), depth first, with the transforms of their
-/// nodes applied in double; skins and morph targets are left out. Every primitive brings its own
-/// vertices, also when it is shown twice. MeshData::format says nothing here.
+/// default scene (else the first), depth first, with the transforms of their nodes applied in
+/// double, without skins and morph targets. Every primitive has its own vertices, also if it is
+/// used twice. MeshData::format is not set.
 ///
-/// Throws what derives from std::exception for a damaged file, and for what no closed mesh of the
-/// collection needs: buffers in other files, extensions that must be known, strips and fans,
-/// points and lines, and positions that are not floats.
+/// Throws an exception derived from std::exception for an invalid file, and for features that no
+/// closed mesh of the collection needs: buffers in other files, required extensions, strips and
+/// fans, points and lines, and positions that are not floats.
 core::MeshData ReadGltf(std::span<const std::byte> bytes);
 
 }  // namespace kdray::test

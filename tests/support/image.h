@@ -1,5 +1,5 @@
-// PNG files as tests see them, decoded by a library that the project does not write with, and
-// golden pictures.
+// Decodes PNG files, with another library than the one that writes them, and compares golden
+// pictures.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -20,15 +20,14 @@ struct Image {
   friend bool operator==(const Image&, const Image&) = default;
 };
 
-/// Throws std::runtime_error when the bytes are no PNG.
+/// Throws std::runtime_error if the bytes are not a PNG.
 Image DecodePng(std::span<const std::byte> png);
 
-/// How far a picture may be from its golden one. Codes are those of 8 bits. Machines differ in the
-/// last bits of their mathematical functions, which moves a code by one and now and then a sample
-/// from one side of an edge to the other.
+/// The allowed difference from a golden picture, in 8-bit codes. Mathematical functions of machines
+/// differ in the last bits, which changes codes by one and sometimes moves a sample across an edge.
 struct GoldenTolerance {
-  int code = 2;                ///< pixels whose channels differ by no more than this count as equal
-  double pixel_share = 0.001;  ///< of all pixels may differ by more
+  int code = 2;                ///< pixels whose channels differ by at most this count as equal
+  double pixel_share = 0.001;  ///< share of pixels that may differ by more
 };
 
 /// Success when `png` shows tests/golden/<name>.png within the tolerance. Otherwise the failure

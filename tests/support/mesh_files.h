@@ -1,4 +1,4 @@
-// Where the collection of real and hostile meshes lies, and the bytes of its files.
+// The path of the collection of real and hostile meshes, and the bytes of its files.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -12,10 +12,10 @@
 namespace kdray::test {
 
 /// The collection's folder: the environment variable KDRAY_MESHES, else ../shared/meshes beside the
-/// source folder. Nothing when it is not there; tests then skip and say so.
+/// source folder. nullopt if it does not exist; tests are then skipped.
 std::optional<std::filesystem::path> MeshFolder();
 
-/// All bytes of a file; throws std::runtime_error when it cannot be read.
+/// All bytes of a file; throws std::runtime_error if it cannot be read.
 std::vector<std::byte> ReadFileBytes(const std::filesystem::path& path);
 
 /// The bytes of a text, for files written inside a test.

@@ -8,7 +8,7 @@
 
 namespace kdray::test {
 
-/// `columns` numbers a row, C order, little-endian: `<f4`, `<f8` or `<i4`.
+/// `columns` numbers per row, C order, little-endian: `<f4`, `<f8` or `<i4`.
 template <class T>
 std::string NpyArray(const std::vector<T>& numbers, std::size_t columns) {
   const std::string kind = std::is_integral_v<T> ? "i" : "f";

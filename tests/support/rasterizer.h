@@ -1,6 +1,6 @@
-// A second maker of pictures, to judge the renderer by: each triangle is projected and filled
-// within the bounding box of its projection, and a depth buffer keeps what is nearest. Plain double
-// arithmetic; no line of it is shared with the renderer.
+// A second renderer, to check the first: it projects each triangle and fills it within the bounding
+// box of its projection, with a depth buffer. Plain double arithmetic; it shares no code with the
+// renderer.
 #pragma once
 
 #include <array>
@@ -33,8 +33,8 @@ struct Raster {
 /// pixels).
 Raster Rasterize(std::span<const Triangle3> triangles, const RasterCamera& camera);
 
-/// How far, in pixels, image point (x_px, y_px) lies from the nearest edge of the projected
-/// triangle, as far as that lies in front of the eye; infinity when nothing of it does.
+/// The distance in pixels of image point (x_px, y_px) from the nearest edge of the projected part
+/// of the triangle in front of the eye; infinity if no part is.
 double DistanceToEdgesPx(const Triangle3& triangle, const RasterCamera& camera, double x_px,
                          double y_px);
 

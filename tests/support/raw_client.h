@@ -1,5 +1,4 @@
-// A client that sends exactly the bytes it is told to, for requests that no proper client would
-// make.
+// A client that sends the given bytes unchanged, for invalid requests.
 #pragma once
 
 #include <chrono>
@@ -22,26 +21,26 @@ struct RawAnswer {
 
 class RawClient {
  public:
-  /// Connects to 127.0.0.1. Fails the test when it cannot.
+  /// Connects to 127.0.0.1. Fails the test if it cannot.
   explicit RawClient(int port);
   ~RawClient();
   RawClient(const RawClient&) = delete;
   RawClient& operator=(const RawClient&) = delete;
 
-  /// False when the server has closed the connection.
+  /// False if the server has closed the connection.
   bool Send(std::string_view bytes);
-  /// The next answer; none when the connection ends or `timeout` passes before it is complete.
-  /// `to_head` says that the request was a HEAD: no body follows.
+  /// The next answer; nullopt if the connection ends or `timeout` passes before it is complete.
+  /// `to_head`: the request was a HEAD, so no body follows.
   std::optional<RawAnswer> Read(std::chrono::milliseconds timeout = std::chrono::seconds(10),
                                 bool to_head = false);
-  /// What comes until the server closes, or until `timeout` passes.
+  /// The bytes until the server closes, or until `timeout` passes.
   std::string ReadToEnd(std::chrono::milliseconds timeout = std::chrono::seconds(10));
-  /// True when the server closes within `timeout`; bytes until then are dropped.
+  /// True if the server closes within `timeout`; bytes until then are dropped.
   bool IsClosed(std::chrono::milliseconds timeout = std::chrono::seconds(10));
-  /// Nothing more will be sent; reading goes on.
+  /// Closes the sending side; reading continues.
   void ShutdownWrite();
   void Close();
-  /// Closes as a process that is killed with unread bytes does: the server sees a reset.
+  /// Closes like a process that is killed with unread bytes: the server sees a reset.
   void Reset();
 
  private:
@@ -54,8 +53,8 @@ class RawClient {
 /// One request over a new connection.
 std::optional<RawAnswer> Ask(int port, std::string_view request, bool is_head = false);
 
-/// `METHOD path HTTP/1.1` with Host, the given header lines (each with its CR LF) and, when there
-/// is one, a body with its length.
+/// `METHOD path HTTP/1.1` with Host, the given header lines (each with CR LF) and, if given, a body
+/// with its length.
 std::string MakeRequest(std::string_view method, std::string_view path, std::string_view body = {},
                         std::string_view header_lines = {});
 

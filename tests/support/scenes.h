@@ -10,7 +10,7 @@
 
 namespace kdray::test {
 
-/// Throws std::runtime_error when core refuses the mesh.
+/// Throws std::runtime_error if core rejects the mesh.
 inline core::Scene MakeScene(const core::MeshData& data,
                              core::BuildKind kind = core::BuildKind::kKdSah) {
   core::Result<core::TriangleMesh> mesh = core::TriangleMesh::Create(data);

@@ -1,4 +1,4 @@
-// One seed for everything random in the tests, so that a failure can be replayed.
+// One seed for all random tests, so a failure can be repeated.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@ namespace kdray::test {
 /// The environment variable KDRAY_SEED, else a fixed number. Printed at its first use.
 std::uint64_t Seed();
 
-/// A generator of its own for each `stream`, so that tests do not change each other's numbers.
+/// A separate generator for each `stream`, so tests do not change each other's numbers.
 std::mt19937_64 RandomEngine(std::uint64_t stream);
 
 }  // namespace kdray::test

@@ -1,5 +1,5 @@
-// Meshes made by formula, for tests that must know what is where. Sizes and places are in world
-// units; the same arguments give the same mesh everywhere.
+// Meshes from formulas, for tests that need known geometry. Sizes and positions are in world units;
+// the same arguments give the same mesh on every machine.
 #pragma once
 
 #include <cstddef>
@@ -10,8 +10,8 @@
 
 namespace kdray::test {
 
-/// Every coordinate rounded to the next float, so that the mesh gets 12-byte vertices unless its
-/// place forbids it.
+/// Rounds every coordinate to the nearest float, so the mesh gets 12-byte vertices unless its
+/// position prevents it.
 core::MeshData RoundToFloat(core::MeshData mesh);
 
 /// Both meshes, b's vertices and triangles after a's.
@@ -26,8 +26,8 @@ core::MeshData UvSphere(const core::Vec3d& center, double radius, int rings, int
 /// surface is seen from the centre.
 core::MeshData BumpySphere(const core::Vec3d& center, double radius, int rings, int segments,
                            double amplitude);
-/// An icosahedron, each triangle cut into four `subdivisions` times: 20 * 4^subdivisions triangles
-/// of similar size.
+/// An icosahedron, each triangle split into four `subdivisions` times: 20 * 4^subdivisions
+/// triangles of similar size.
 core::MeshData IcoSphere(const core::Vec3d& center, double radius, int subdivisions);
 /// Twelve triangles, axis-aligned.
 core::MeshData Cube(const core::Vec3d& center, double half_edge);

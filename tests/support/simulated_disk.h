@@ -16,14 +16,14 @@
 
 namespace kdray::test {
 
-/// Safe from many threads at once. Folders are durable as soon as they are made; names in them are
-/// after SyncDirectory, contents of files after Sync.
+/// Safe from many threads at once. Folders are durable at once; names in them after SyncDirectory,
+/// contents of files after Sync.
 class SimulatedDisk final : public core::FileSystem {
  public:
-  /// What a power failure takes of what was not synced.
+  /// The loss of unsynced data in a power failure.
   enum class Loss {
     kNothing,     ///< only the process ended
-    kContents,    ///< names had reached the disk, contents had not: files are cut to half
+    kContents,    ///< names had reached the disk, contents had not: files are truncated to half
     kEverything,  ///< neither had
   };
 
@@ -31,9 +31,9 @@ class SimulatedDisk final : public core::FileSystem {
   void FailAt(std::uint64_t n, core::ErrorCode code);
   /// Operation number `n` from now and all after it fail: the process has died.
   void DieAt(std::uint64_t n);
-  /// No more faults: the disk recovers while the process goes on.
+  /// No more faults: the disk recovers while the process continues.
   void Revive();
-  /// Back to life after a crash: no more faults, locks free.
+  /// Restarts after a crash: no more faults, and locks are free.
   void Restart(Loss loss);
   /// Operations since the last FailAt, DieAt or Restart.
   std::uint64_t operations() const;
@@ -46,23 +46,22 @@ class SimulatedDisk final : public core::FileSystem {
   std::optional<std::vector<std::byte>> Contents(const Path& path) const;
   void SetContents(const Path& path, std::vector<std::byte> contents);
   void Erase(const Path& path);
-  /// What stands there is no regular file of this user from now on: a link, or another's.
+  /// From now on the name is not a regular file of this user: a link, or another user's file.
   void MakeUnreadable(const Path& path);
   void MakeReadable(const Path& path);
 
-  // What administrators do to folders.
+  // Changes of folders by administrators.
   /// The folder and all in it belong to another user from now on, as after chown -R by root.
   void GiveAway(const Path& folder);
   void TakeBack(const Path& folder);
-  /// The folder is gone with all in it, or empty as a mount point is without its disk.
+  /// The folder is missing with its content, or empty like a mount point without its disk.
   enum class Absence { kMissing, kEmpty };
   void Unmount(const Path& folder, Absence absence);
   void Mount(const Path& folder);
-  /// What this user may do in the folder, as after chmod.
+  /// This user's access to the folder, as after chmod.
   enum class Access { kAll, kReadOnly, kNothing };
   void SetAccess(const Path& folder, Access access);
-  /// The name stands for the folder `target`, which need not be there. What had the name goes
-  /// there.
+  /// Replaces the folder by a link to `target`, which need not exist, and moves the folder there.
   void Link(const Path& folder, const Path& target);
   /// Every file on the disk by its path, with its contents.
   std::map<Path, std::vector<std::byte>> AllFiles() const;
@@ -97,9 +96,9 @@ class SimulatedDisk final : public core::FileSystem {
   class HeldLock;
 
   // With mutex_ held:
-  std::optional<core::Error> Step();       // counts an operation; the fault that is due
+  std::optional<core::Error> Step();       // counts an operation; returns the fault that is due
   std::optional<core::Error> WriteStep();  // as Step, for operations that change something
-  Path Resolve(const Path& folder) const;  // what it is after all links
+  Path Resolve(const Path& folder) const;  // the path after all links
   Folder* Find(const Path& folder);
   Folder* FolderOf(const Path& path) { return Find(path.parent_path()); }
   std::optional<core::Error> Refuses(const Folder* folder, bool to_write) const;
@@ -117,7 +116,7 @@ class SimulatedDisk final : public core::FileSystem {
   std::optional<std::uint64_t> capacity_;
   bool read_only_ = false;
   std::int64_t clock_ms_ = 1'600'000'000'000;
-  std::uint64_t life_ = 0;  // files opened before a restart are dead
+  std::uint64_t life_ = 0;  // files opened before a restart are invalid
 };
 
 }  // namespace kdray::test
