@@ -13,9 +13,8 @@ Json ParseAnswer(const HttpResponse& response) {
   if (document.is_object()) return document;
   throw Refusal({.status = response.status,
                  .code = {},
-                 .detail =
-                     "the answer is not the JSON object that kdray's contract promises (is it "
-                     "a kdray server?)",
+                 .detail = "the answer is not the JSON object of kdray's contract (is it "
+                           "a kdray server?)",
                  .request_id = response.Header("x-request-id")});
 }
 

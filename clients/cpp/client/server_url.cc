@@ -27,7 +27,7 @@ ServerUrl ParseServerUrl(std::string_view text) {
     url.tls = true;
     url.port = 443;
   } else if (!TakePrefix("http://", rest) && rest.find("://") != std::string_view::npos) {
-    Reject(text, "only http and https are spoken");
+    Reject(text, "only http and https are supported");
   }
   if (rest.find_first_of("?#@ \t\r\n") != std::string_view::npos)
     Reject(text, "only host, port and path belong here");

@@ -32,12 +32,13 @@ void CheckSize(Client& client, const LocalFile& mesh) {
   if (limit == limits->end() || !limit->is_number_unsigned() ||
       mesh.size() <= limit->get<std::uint64_t>())
     return;
-  throw Refusal({.status = 413,
-                 .code = "mesh_too_large",
-                 .detail = mesh.path() + " has more bytes than this server takes; nothing was sent",
-                 .request_id = {},
-                 .limit = limit->get<double>(),
-                 .actual = static_cast<double>(mesh.size())});
+  throw Refusal(
+      {.status = 413,
+       .code = "mesh_too_large",
+       .detail = mesh.path() + " has more bytes than this server accepts; nothing was sent",
+       .request_id = {},
+       .limit = limit->get<double>(),
+       .actual = static_cast<double>(mesh.size())});
 }
 
 Tree WaitUntilReady(Client& client, Tree tree, const UploadWatcher& watcher) {

@@ -13,10 +13,11 @@ namespace kdray::client {
 namespace {
 
 constexpr const char* kFooter =
-    "An ID may be cut to its first six digits or more. Where an ID is asked for, render and rays\n"
+    "An ID may be shortened to its first six digits or more. In place of an ID, render and rays\n"
     "also take a mesh file, which is uploaded first if the server does not have it.\n"
     "\n"
-    "Exit codes: 0 done, 1 the server refused, 2 wrong usage, 3 no connection, 4 a local file.";
+    "Exit codes: 0 success, 1 the server's error, 2 invalid usage, 3 no connection, 4 a local "
+    "file.";
 
 // The first line is `kdray: …`; further lines are indented.
 int Complain(Console& console, const std::exception& error, int code) {

@@ -60,7 +60,7 @@ std::string OptionName(const char* field) {
 void Render(const Options& options, Session& session) {
   const bool is_npy = options.output.ends_with(".npy");
   if (!is_npy && options.output != "-" && !options.output.ends_with(".png"))
-    throw UsageError("-o must end in .png or .npy: that says what is asked for");
+    throw UsageError("-o must end in .png or .npy, which selects the format");
   Parameters fields;
   for (std::size_t i = 0; i < kFields.size(); ++i)
     if (!options.values[i].empty()) fields.emplace_back(kFields[i].name, options.values[i]);

@@ -20,7 +20,7 @@ struct MeshOptions {
 
 void WriteSample(const MeshOptions& options, Session& session) {
   const auto format = MeshFormatOf(options.output);
-  if (!format) throw UsageError("-o must end in .obj, .ply or .stl: that says the format");
+  if (!format) throw UsageError("-o must end in .obj, .ply or .stl, which selects the format");
   OutputFile file(options.output, session.console());
   const SampleMesh mesh = MakeSample(*FindSampleShape(options.name), options.sample);
   file.Write(EncodeMesh(mesh, *format));
@@ -44,7 +44,7 @@ Box BoundsOfTree(const std::string& id_or_file, Session& session) {
     const Json& bounds = tree.description.at("mesh").at("bounds");
     return {bounds.at("min").get<Point>(), bounds.at("max").get<Point>()};
   } catch (const Json::exception&) {
-    throw UsageError("the server does not tell the bounds of this mesh; give --bounds");
+    throw UsageError("the description of this tree has no bounds; use --bounds");
   }
 }
 
@@ -69,8 +69,7 @@ void WriteRays(const RayOptions& options, Session& session) {
 
 void AddSamples(CLI::App& app, Session& session) {
   auto mesh = std::make_shared<MeshOptions>();
-  CLI::App* sample =
-      app.add_subcommand("sample", "Write a sample mesh, to try things with; needs no server");
+  CLI::App* sample = app.add_subcommand("sample", "Write a sample mesh; needs no server");
   std::vector<std::string> names;
   std::string footer = "Shapes (n is --detail):";
   for (const SampleShape& shape : SampleShapes()) {
@@ -85,7 +84,7 @@ void AddSamples(CLI::App& app, Session& session) {
       ->type_name("FILE");
   sample
       ->add_option("--detail", mesh->sample.detail,
-                   "How fine: pieces along an edge of the shape's grid")
+                   "Resolution: pieces along an edge of the shape's grid")
       ->check(CLI::Range(1, kMaxSampleDetail))
       ->type_name("N");
   sample->add_option("--seed", mesh->sample.seed, "Of the terrain")->type_name("N");

@@ -17,7 +17,7 @@ void Session::AddOptions(CLI::App& app) {
       ->take_last()
       ->capture_default_str();
   app.add_option("--token", token_,
-                 "Bearer token, where the server wants one; better in the environment, where other "
+                 "Bearer token, if the server needs one; better in the environment, where other "
                  "users do not see it")
       ->envname("KDRAY_TOKEN")
       ->take_last()

@@ -26,7 +26,7 @@ Tradeoff Measure(Client& client, const std::string& id, bool again, Session& ses
   while (!tradeoff->ready) {
     measuring.Update(tradeoff->progress);
     tradeoff = client.FindTradeoff(id, kLookAgainMs);
-    if (!tradeoff) throw UsageError("somebody stopped the measuring");
+    if (!tradeoff) throw UsageError("the measurement was stopped");
   }
   return *tradeoff;
 }
@@ -36,13 +36,12 @@ Tradeoff Measure(Client& client, const std::string& id, bool again, Session& ses
 void AddTradeoff(CLI::App& app, Session& session) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
-      "tradeoff",
-      "Measure what speed costs in accuracy on a mesh: every build with every precision");
+      "tradeoff", "Measure speed and accuracy on a mesh: every build with every precision");
   command->add_option("tree", options->tree, "Tree, whole id or its beginning, or a mesh file")
       ->required()
       ->type_name("ID|FILE");
   command->add_flag("--again", options->again, "Measure even if it was measured before");
-  command->add_flag("--forget", options->forget, "Stop measuring, and forget what was measured");
+  command->add_flag("--forget", options->forget, "Stop measuring, and delete the result");
   command->add_flag("--json", options->json, "As the server gives it");
   command->callback([options, &session] {
     Client client = session.Connect();

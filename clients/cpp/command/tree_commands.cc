@@ -113,10 +113,10 @@ void AddTreeCommands(CLI::App& app, Session& session) {
   list->add_flag("--full", list_options->full, "Whole ids");
   list->add_flag("--json", list_options->json, "The trees' whole descriptions");
 
-  const auto [show, show_options] = add("show", "What is known of a tree and its mesh", Show, true);
+  const auto [show, show_options] = add("show", "Describe a tree and its mesh", Show, true);
   show->add_flag("--json", show_options->json, "The whole description");
 
-  add("delete", "Make the server forget trees; a mesh goes with its last tree", Delete, true);
+  add("delete", "Delete trees; a mesh is deleted with its last tree", Delete, true);
 
   const auto [cells, cells_options] =
       add("cells", "Boxes of a tree's nodes at one depth, and of the leaves above", Cells, true);

@@ -397,7 +397,7 @@ TEST_F(CommandTest, WrongUsageIsToldApart) {
 
 TEST_F(CommandTest, HelpAndVersionGoToStandardOutput) {
   EXPECT_EQ(Run({"--help"}), kExitOk);
-  EXPECT_THAT(out_.str(), AllOf(HasSubstr("upload"), HasSubstr("Exit codes: 0 done")));
+  EXPECT_THAT(out_.str(), AllOf(HasSubstr("upload"), HasSubstr("Exit codes: 0 success")));
   EXPECT_EQ(Run({"render", "--help"}), kExitOk);
   EXPECT_THAT(out_.str(), HasSubstr("--cells-depth"));
   EXPECT_EQ(Run({"--version"}), kExitOk);
