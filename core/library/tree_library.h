@@ -68,8 +68,8 @@ class TreeLibrary {
  public:
   /// Reads the stored records and resumes interrupted builds. A build that two starts resumed, and
   /// neither finished nor stopped in an orderly Shutdown, may be what ends the process. It waits
-  /// until its tree is asked for. A tree whose mesh cannot be read stays; its mesh is kCorrupt until
-  /// the same bytes are uploaded again. Errors: SceneStore::Open and Load.
+  /// until its tree is asked for. A tree whose mesh cannot be read stays; its mesh is kCorrupt
+  /// until the same bytes are uploaded again. Errors: SceneStore::Open and Load.
   static Result<std::unique_ptr<TreeLibrary>> Open(const LibraryOptions& options);
   ~TreeLibrary();
 
