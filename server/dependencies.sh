@@ -25,7 +25,6 @@ libdeflate-dev
 libgmp-dev
 libspdlog-dev
 libssl-dev
-libstb-dev
 libtbb-dev
 ninja-build
 nlohmann-json3-dev
