@@ -114,8 +114,8 @@ class SceneStore {
     return !WhyUnreadable(mesh, bytes).has_value();
   }
   /// kCorrupt if it is missing, cannot be read, or its bytes have another hash (this hashes the
-  /// whole file). Storing it again repairs it. kCancelled, kDeadlineExceeded, which say nothing about
-  /// the file.
+  /// whole file). Storing it again repairs it. kCancelled, kDeadlineExceeded, which say nothing
+  /// about the file.
   Result<std::unique_ptr<ReadableFile>> OpenMesh(const Sha256Digest& mesh,
                                                  const CancelToken& cancel = {});
   Result<std::vector<std::byte>> ReadMesh(const Sha256Digest& mesh, const CancelToken& cancel = {});
