@@ -25,6 +25,7 @@ libdeflate-dev
 libgmp-dev
 libspdlog-dev
 libssl-dev
+libstb-dev
 libtbb-dev
 ninja-build
 nlohmann-json3-dev

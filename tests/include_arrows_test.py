@@ -15,6 +15,7 @@ LIBRARIES = {
     "oneTBB": r"oneapi/tbb|tbb/",
     "OpenSSL": r"openssl/",
     "GMP": r"gmp",
+    "stb": r"stb/",
     "libdeflate": r"libdeflate",
     "zlib": r"zlib",
     "nlohmann-json": r"nlohmann/",

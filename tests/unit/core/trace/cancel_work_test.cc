@@ -196,18 +196,6 @@ TEST(CancelledPicture, EncodingEndsInALargePicture) {
   }
 }
 
-TEST(CancelledPicture, EncodingEndsAmongTheRowsOfAVeryLargePicture) {
-  constexpr int kWidth = 16384, kHeight = 8192;
-  const std::vector<std::uint8_t> pixels(std::size_t{4} * kWidth * kHeight);
-  for (const milliseconds after : {milliseconds(2), milliseconds(60)}) {
-    ExpectPrompt(CancelDuring(after,
-                              [&](const CancelToken& token) {
-                                return StatusOf(core::EncodePng(pixels, kWidth, kHeight, 4, token));
-                              }),
-                 "EncodePng after " + std::to_string(after.count()) + " ms");
-  }
-}
-
 TEST(CancelledPicture, EncodingAtOnceIsShort) {
   constexpr int kWidth = 1920, kHeight = 1456;
   std::vector<std::uint8_t> pixels(std::size_t{3} * kWidth * kHeight);
