@@ -8,9 +8,9 @@ namespace {
 constexpr std::size_t kDigestLength = 64;
 constexpr std::size_t kShortDigestLength = 12;
 
-Json ParseAnswer(const HttpResponse& response) {
-  Json document = Json::parse(response.body, nullptr, /*allow_exceptions=*/false);
-  if (document.is_object()) return document;
+Document ParseAnswer(const HttpResponse& response) {
+  std::optional<Document> document = Document::Parse(response.body);
+  if (document && document->IsObject()) return *std::move(document);
   throw Refusal({.status = response.status,
                  .code = {},
                  .detail = "the answer is not the JSON object of kdray's contract (is it "
@@ -18,20 +18,20 @@ Json ParseAnswer(const HttpResponse& response) {
                  .request_id = response.Header("x-request-id")});
 }
 
-Tree TreeFrom(Json description, int status) {
+Tree TreeFrom(Document description, int status) {
   Tree tree;
-  tree.id = description.value("id", "");
-  tree.ready = description.value("state", "") == "ready";
-  tree.progress = description.value("progress", tree.ready ? 1.0 : 0.0);
+  tree.id = description["id"].Text().value_or("");
+  tree.ready = description["state"].Text() == "ready";
+  tree.progress = description["progress"].Number().value_or(tree.ready ? 1 : 0);
   tree.is_new = status != 200;
   tree.description = std::move(description);
   return tree;
 }
 
-Tradeoff TradeoffFrom(Json document) {
+Tradeoff TradeoffFrom(Document document) {
   Tradeoff tradeoff;
-  tradeoff.ready = document.value("state", "") == "measured";
-  tradeoff.progress = document.value("progress", 0.0);
+  tradeoff.ready = document["state"].Text() == "measured";
+  tradeoff.progress = document["progress"].Number().value_or(0);
   tradeoff.document = std::move(document);
   return tradeoff;
 }
@@ -52,7 +52,7 @@ HttpResponse Client::Call(const HttpRequest& request) {
   return response;
 }
 
-Json Client::ServiceInfo() { return ParseAnswer(Call({.path = "/v1"})); }
+Document Client::ServiceInfo() { return ParseAnswer(Call({.path = "/v1"})); }
 
 Tree Client::GetTree(const std::string& id, int wait_ms) {
   Parameters query;
@@ -74,11 +74,11 @@ TreePage Client::ListTrees(const std::string& after) {
   Parameters query;
   if (!after.empty()) query.emplace_back("after", after);
   const auto response = Call({.path = "/v1/trees", .query = std::move(query)});
-  Json document = ParseAnswer(response);
+  const Document document = ParseAnswer(response);
   TreePage page;
-  for (Json& description : document["trees"])
+  for (Document& description : document["trees"].Items())
     page.trees.push_back(TreeFrom(std::move(description), response.status));
-  if (const Json& next = document["next"]; next.is_string()) page.next = next.get<std::string>();
+  page.next = document["next"].Text();
   return page;
 }
 
@@ -131,7 +131,7 @@ Answer Client::Render(const std::string& id, const std::string& format, const Pa
   return {std::move(body), std::move(response)};
 }
 
-Json Client::Cells(const std::string& id, int depth) {
+Document Client::Cells(const std::string& id, int depth) {
   return ParseAnswer(
       Call({.path = TreePath(id) + "/cells", .query = {{"depth", std::to_string(depth)}}}));
 }

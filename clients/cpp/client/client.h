@@ -1,17 +1,15 @@
 // The kdray service as functions: one for each endpoint that the command uses.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "clients/cpp/client/document.h"
 #include "clients/cpp/client/transport.h"
 
 namespace kdray::client {
-
-using Json = nlohmann::json;
 
 /// The fields that clients use, and the server's whole description of the tree.
 struct Tree {
@@ -19,7 +17,7 @@ struct Tree {
   bool ready = false;
   double progress = 0;  ///< 0..1 while it is built
   bool is_new = false;  ///< this call stored it or started its build (201 or 202, not 200)
-  Json description;
+  Document description;
 };
 
 struct TreePage {
@@ -37,7 +35,7 @@ struct Answer {
 struct Tradeoff {
   bool ready = false;
   double progress = 0;  ///< 0..1
-  Json document;        ///< the server's whole answer
+  Document document;    ///< the server's whole answer
 };
 
 /// Calls wait for the answer. All throw Refusal if the server answers with an error,
@@ -48,7 +46,7 @@ class Client {
   explicit Client(ClientOptions options) : transport_(std::move(options)) {}
 
   /// GET /v1: version, formats, builds, precisions, limits.
-  Json ServiceInfo();
+  Document ServiceInfo();
 
   /// GET /v1/trees/{id}; waits at most `wait_ms` until the tree is built.
   Tree GetTree(const std::string& id, int wait_ms = 0);
@@ -80,7 +78,7 @@ class Client {
   Answer Render(const std::string& id, const std::string& format, const Parameters& fields);
 
   /// GET /v1/trees/{id}/cells.
-  Json Cells(const std::string& id, int depth);
+  Document Cells(const std::string& id, int depth);
 
   /// POST /v1/trees/{id}/tradeoff: starts a measurement, or joins the running one, and waits at
   /// most `wait_ms` for its end.

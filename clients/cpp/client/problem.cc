@@ -2,23 +2,11 @@
 
 #include <array>
 #include <charconv>
-#include <nlohmann/json.hpp>
+
+#include "clients/cpp/client/document.h"
 
 namespace kdray::client {
 namespace {
-
-using Json = nlohmann::json;
-
-std::string StringField(const Json& document, const char* name) {
-  const auto field = document.find(name);
-  return field != document.end() && field->is_string() ? field->get<std::string>() : std::string();
-}
-
-std::optional<double> NumberField(const Json& document, const char* name) {
-  const auto field = document.find(name);
-  if (field == document.end() || !field->is_number()) return std::nullopt;
-  return field->get<double>();
-}
 
 std::string NumberText(double number) {
   std::array<char, 32> text;
@@ -31,22 +19,21 @@ Problem ParseProblem(int status, std::string_view body, std::string_view request
   Problem problem;
   problem.status = status;
   problem.request_id = request_id;
-  const Json document = Json::parse(body, nullptr, /*allow_exceptions=*/false);
-  if (!document.is_object() || StringField(document, "code").empty()) {
+  const Document document = Document::Parse(body).value_or(Document());
+  const auto text = [&](const char* name) { return document[name].Text().value_or(""); };
+  problem.code = text("code");
+  if (problem.code.empty()) {
     problem.detail = "the server answered HTTP " + std::to_string(status) +
                      " without saying why (is it a kdray server, or a proxy before it?)";
     return problem;
   }
-  problem.code = StringField(document, "code");
-  problem.detail = StringField(document, "detail");
-  if (problem.detail.empty()) problem.detail = StringField(document, "title");
-  if (const auto id = StringField(document, "request_id"); !id.empty()) problem.request_id = id;
-  if (auto name = StringField(document, "parameter"); !name.empty())
-    problem.parameter = std::move(name);
-  problem.limit = NumberField(document, "limit");
-  problem.actual = NumberField(document, "actual");
-  if (const auto line = document.find("line"); line != document.end() && line->is_number_unsigned())
-    problem.line = line->get<std::uint64_t>();
+  problem.detail = text("detail");
+  if (problem.detail.empty()) problem.detail = text("title");
+  if (auto id = text("request_id"); !id.empty()) problem.request_id = std::move(id);
+  if (auto name = text("parameter"); !name.empty()) problem.parameter = std::move(name);
+  problem.limit = document["limit"].Number();
+  problem.actual = document["actual"].Number();
+  problem.line = document["line"].Count();
   return problem;
 }
 

@@ -25,19 +25,14 @@ std::optional<Tree> FindUsable(Client& client, const std::string& id) {
 // A server that rejects an upload early may close the connection before the client has read the
 // reason. So the limit is checked first.
 void CheckSize(Client& client, const LocalFile& mesh) {
-  const Json info = client.ServiceInfo();
-  const auto limits = info.find("limits");
-  if (limits == info.end() || !limits->is_object()) return;
-  const auto limit = limits->find("max_upload_bytes");
-  if (limit == limits->end() || !limit->is_number_unsigned() ||
-      mesh.size() <= limit->get<std::uint64_t>())
-    return;
+  const auto limit = client.ServiceInfo()["limits"]["max_upload_bytes"].Count();
+  if (!limit || mesh.size() <= *limit) return;
   throw Refusal(
       {.status = 413,
        .code = "mesh_too_large",
        .detail = mesh.path() + " has more bytes than this server accepts; nothing was sent",
        .request_id = {},
-       .limit = limit->get<double>(),
+       .limit = static_cast<double>(*limit),
        .actual = static_cast<double>(mesh.size())});
 }
 

@@ -3,6 +3,8 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <ostream>
+#include <type_traits>
+#include <variant>
 #include <vector>
 
 #include "clients/cpp/client/error.h"
@@ -25,6 +27,44 @@ int Complain(Console& console, const std::exception& error, int code) {
   return code;
 }
 
+void Require(CLI::Option& added, const Option& option) {
+  if (option.required) added.required();
+  if (!option.type.empty()) added.type_name(option.type);
+  if (option.help_tells_default) added.capture_default_str();
+  if (option.last_wins) added.take_last();
+  if (!option.environment.empty()) added.envname(option.environment);
+  if (!option.choices.empty()) added.check(CLI::IsMember(option.choices));
+  if (option.count) added.expected(*option.count);
+  if (option.split_at_commas) added.delimiter(',');
+}
+
+// The template parameter of CLI::Range, which its help names, is the type of the value.
+template <typename T>
+void Add(CLI::App& app, const Option& option, T& value) {
+  if constexpr (std::is_same_v<T, bool>) {
+    app.add_flag(option.name, value, option.help);
+  } else {
+    CLI::Option* added = app.add_option(option.name, value, option.help);
+    if constexpr (std::is_integral_v<T>)
+      if (option.range)
+        added->check(
+            CLI::Range(static_cast<T>(option.range->min), static_cast<T>(option.range->max)));
+    Require(*added, option);
+  }
+}
+
+void Add(CLI::App& app, const std::vector<Option>& options) {
+  for (const Option& option : options)
+    std::visit([&](auto* value) { Add(app, option, *value); }, option.value);
+}
+
+void Add(CLI::App& app, Subcommand subcommand) {
+  CLI::App* added = app.add_subcommand(subcommand.name, subcommand.help);
+  if (!subcommand.footer.empty()) added->footer(subcommand.footer);
+  Add(*added, subcommand.options);
+  added->callback(std::move(subcommand.run));
+}
+
 }  // namespace
 
 int RunCommand(std::span<const std::string> arguments, Console console) {
@@ -34,13 +74,13 @@ int RunCommand(std::span<const std::string> arguments, Console console) {
   app.fallthrough();  // general options may also follow the subcommand
   app.footer(kFooter);
   Session session(console);
-  session.AddOptions(app);
-  AddUpload(app, session);
-  AddRender(app, session);
-  AddRays(app, session);
-  AddTreeCommands(app, session);
-  AddTradeoff(app, session);
-  AddSamples(app, session);
+  Add(app, session.Options());
+  Add(app, UploadCommand(session));
+  Add(app, RenderCommand(session));
+  Add(app, RaysCommand(session));
+  for (Subcommand& subcommand : TreeCommands(session)) Add(app, std::move(subcommand));
+  Add(app, TradeoffCommand(session));
+  for (Subcommand& subcommand : SampleCommands(session)) Add(app, std::move(subcommand));
 
   try {
     std::vector<std::string> reversed(arguments.rbegin(), arguments.rend());  // as CLI11 wants them

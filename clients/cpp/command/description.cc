@@ -5,62 +5,37 @@
 namespace kdray::client {
 namespace {
 
-// A view of a JSON object whose missing fields are empty.
+// The members of a JSON object as texts for people; "" for one that is missing.
 class Fields {
  public:
-  explicit Fields(const Json& object) : object_(object) {}
+  explicit Fields(Document object) : object_(std::move(object)) {}
 
-  Fields operator[](const char* name) const {
-    static const Json nothing = Json::object();
-    const Json* field = Find(name);
-    return Fields(field && field->is_object() ? *field : nothing);
-  }
+  Fields operator[](const char* name) const { return Fields(object_[name]); }
 
-  std::string Text(const char* name) const {
-    const Json* field = Find(name);
-    return field && field->is_string() ? field->get<std::string>() : std::string();
-  }
+  std::string Text(const char* name) const { return object_[name].Text().value_or(""); }
 
   std::string Count(const char* name) const {
-    const Json* field = Find(name);
-    return field && field->is_number_unsigned() ? CountText(field->get<std::uint64_t>())
-                                                : std::string();
+    const auto count = object_[name].Count();
+    return count ? CountText(*count) : std::string();
   }
 
-  /// "" if it is missing.
   std::string Bytes(const char* name) const {
-    const Json* field = Find(name);
-    return field && field->is_number() ? ByteText(field->get<double>()) : std::string();
+    const auto bytes = object_[name].Number();
+    return bytes ? ByteText(*bytes) : std::string();
   }
 
   std::string Number(const char* name) const {
-    const Json* field = Find(name);
-    return field && field->is_number() ? NumberText(field->get<double>()) : std::string();
+    const auto number = object_[name].Number();
+    return number ? NumberText(*number) : std::string();
   }
 
   /// "x y z" of an array of three numbers.
-  std::string Vector(const char* name) const {
-    const Json* field = Find(name);
-    if (!field || !field->is_array()) return {};
-    std::string text;
-    for (const Json& number : *field)
-      if (number.is_number())
-        text += (text.empty() ? "" : " ") + NumberText(number.get<double>(), 6);
-    return text;
-  }
+  std::string Vector(const char* name) const { return VectorText(object_[name].Numbers()); }
 
-  bool Is(const char* name, bool value) const {
-    const Json* field = Find(name);
-    return field && field->is_boolean() && field->get<bool>() == value;
-  }
+  bool Is(const char* name, bool value) const { return object_[name].Flag() == value; }
 
  private:
-  const Json* Find(const char* name) const {
-    const auto field = object_.find(name);
-    return field == object_.end() ? nullptr : &*field;
-  }
-
-  const Json& object_;
+  Document object_;
 };
 
 // Joins the nonempty parts: {"a", "", "b"} -> "a, b".
@@ -99,7 +74,7 @@ std::string HealthOf(const Fields& health) {
 
 }  // namespace
 
-std::string SummaryOf(const Json& description) {
+std::string SummaryOf(const Document& description) {
   const Fields fields(description);
   const Fields mesh = fields["mesh"];
   const Fields tree = fields["tree"];
@@ -111,7 +86,7 @@ std::string SummaryOf(const Json& description) {
                built.empty() ? "" : "built in " + built + " ms"});
 }
 
-std::string DetailsOf(const Json& description) {
+std::string DetailsOf(const Document& description) {
   const Fields fields(description);
   const Fields mesh = fields["mesh"];
   const Fields tree = fields["tree"];

@@ -1,26 +1,36 @@
 #include <algorithm>
 #include <array>
+#include <memory>
 
 #include "clients/cpp/client/error.h"
 #include "clients/cpp/client/npy.h"
 #include "clients/cpp/command/answer_text.h"
 #include "clients/cpp/command/contract_help.h"
 #include "clients/cpp/command/output_file.h"
+#include "clients/cpp/command/session.h"
 #include "clients/cpp/command/subcommands.h"
 #include "clients/cpp/command/text.h"
 
 namespace kdray::client {
 namespace {
 
-constexpr std::array kOptionNames = {"precision", "fields", "t_min",
-                                     "t_max",     "dtype",  "deadline_ms"};
+constexpr std::array kFields = {
+    Field{"precision", "NAME", kPrecisionHelp},
+    Field{"fields", "NAMES",
+          "t, triangle, u, v, normal or point of a hit, comma-separated: t,triangle,u,v when left "
+          "out"},
+    Field{"t_min", "T", "Nearest t that counts: 0 when left out"},
+    Field{"t_max", "T", "Farthest t that counts"},
+    Field{"dtype", "NAME", "f4 or f8: the answer's numbers; those of the rays when left out"},
+    Field{"deadline_ms", "MS", "Give up after that time: 30000 when left out"},
+};
 
 struct Options {
   std::string tree;
   std::string rays;
   std::string output;
   bool any = false;
-  std::array<std::string, kOptionNames.size()> values;
+  std::array<std::string, kFields.size()> values;
 };
 
 // Checks the file before it is sent, so an error (two arrays mixed up) names the file. The server
@@ -51,8 +61,8 @@ void QueryRays(const Options& options, Session& session) {
   const LocalFile rays(options.rays);
   const std::string what = DescribeRays(rays);
   Parameters parameters;
-  for (std::size_t i = 0; i < kOptionNames.size(); ++i)
-    if (!options.values[i].empty()) parameters.emplace_back(kOptionNames[i], options.values[i]);
+  for (std::size_t i = 0; i < kFields.size(); ++i)
+    if (!options.values[i].empty()) parameters.emplace_back(kFields[i].name, options.values[i]);
 
   OutputFile file(options.output, session.console());
   Client client = session.Connect();
@@ -66,34 +76,33 @@ void QueryRays(const Options& options, Session& session) {
 
 }  // namespace
 
-void AddRays(CLI::App& app, Session& session) {
+Subcommand RaysCommand(Session& session) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "rays", "Closest hits of a batch of rays; rows are ox oy oz dx dy dz, or with t_min t_max");
-  command->add_option("tree", options->tree, "Tree, or a mesh file to upload first")
-      ->required()
-      ->type_name("ID|FILE");
-  command->add_option("rays", options->rays, "Rays: .npy of shape (…,6) or (…,8), or JSON")
-      ->required()
-      ->type_name("RAYS");
-  command->add_option("-o,--output", options->output, "Hits to write: .npy, .json, or - (.npy)")
-      ->required()
-      ->type_name("FILE");
-  command->add_flag("--any", options->any, "Only whether something is hit, which is quicker");
-  constexpr std::array kHelp = {
-      kPrecisionHelp,
-      "t, triangle, u, v, normal or point of a hit, comma-separated: t,triangle,u,v when left out",
-      "Nearest t that counts: 0 when left out",
-      "Farthest t that counts",
-      "f4 or f8: the answer's numbers; those of the rays when left out",
-      "Give up after that time: 30000 when left out"};
-  constexpr std::array kTypes = {"NAME", "NAMES", "T", "T", "NAME", "MS"};
-  for (std::size_t i = 0; i < kOptionNames.size(); ++i) {
-    std::string name = std::string("--") + kOptionNames[i];
-    std::replace(name.begin(), name.end(), '_', '-');
-    command->add_option(name, options->values[i], kHelp[i])->type_name(kTypes[i]);
-  }
-  command->callback([options, &session] { QueryRays(*options, session); });
+  Subcommand command = {
+      .name = "rays",
+      .help = "Closest hits of a batch of rays; rows are ox oy oz dx dy dz, or with t_min t_max",
+      .options = {{.name = "tree",
+                   .help = "Tree, or a mesh file to upload first",
+                   .value = &options->tree,
+                   .type = "ID|FILE",
+                   .required = true},
+                  {.name = "rays",
+                   .help = "Rays: .npy of shape (…,6) or (…,8), or JSON",
+                   .value = &options->rays,
+                   .type = "RAYS",
+                   .required = true},
+                  {.name = "-o,--output",
+                   .help = "Hits to write: .npy, .json, or - (.npy)",
+                   .value = &options->output,
+                   .type = "FILE",
+                   .required = true},
+                  {.name = "--any",
+                   .help = "Only whether something is hit, which is quicker",
+                   .value = &options->any}},
+      .run = [options, &session] { QueryRays(*options, session); }};
+  for (std::size_t i = 0; i < kFields.size(); ++i)
+    command.options.push_back(FieldOption(kFields[i], &options->values[i]));
+  return command;
 }
 
 }  // namespace kdray::client

@@ -1,20 +1,16 @@
 #include <array>
+#include <memory>
 
 #include "clients/cpp/client/error.h"
 #include "clients/cpp/command/answer_text.h"
 #include "clients/cpp/command/contract_help.h"
 #include "clients/cpp/command/output_file.h"
+#include "clients/cpp/command/session.h"
 #include "clients/cpp/command/subcommands.h"
 #include "clients/cpp/command/text.h"
 
 namespace kdray::client {
 namespace {
-
-struct Field {
-  const char* name;  ///< as in the contract; the option is --name with dashes
-  const char* type;
-  const char* description;
-};
 
 // Every field of the daemon's renders (tests/clients/contract_test.py compares the two). Values are
 // sent unchanged; the server checks their ranges.
@@ -50,13 +46,6 @@ struct Options {
   std::array<std::string, kFields.size()> values;
 };
 
-std::string OptionName(const char* field) {
-  std::string name = std::string("--") + field;
-  for (char& c : name)
-    if (c == '_') c = '-';
-  return name;
-}
-
 void Render(const Options& options, Session& session) {
   const bool is_npy = options.output.ends_with(".npy");
   if (!is_npy && options.output != "-" && !options.output.ends_with(".png"))
@@ -77,19 +66,24 @@ void Render(const Options& options, Session& session) {
 
 }  // namespace
 
-void AddRender(CLI::App& app, Session& session) {
+Subcommand RenderCommand(Session& session) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("render", "Picture of a tree's mesh, as .png or .npy");
-  command->add_option("tree", options->tree, "Tree, or a mesh file to upload first")
-      ->required()
-      ->type_name("ID|FILE");
-  command->add_option("-o,--output", options->output, "Picture to write: .png, .npy, or - (a PNG)")
-      ->required()
-      ->type_name("FILE");
+  Subcommand command = {.name = "render",
+                        .help = "Picture of a tree's mesh, as .png or .npy",
+                        .options = {{.name = "tree",
+                                     .help = "Tree, or a mesh file to upload first",
+                                     .value = &options->tree,
+                                     .type = "ID|FILE",
+                                     .required = true},
+                                    {.name = "-o,--output",
+                                     .help = "Picture to write: .png, .npy, or - (a PNG)",
+                                     .value = &options->output,
+                                     .type = "FILE",
+                                     .required = true}},
+                        .run = [options, &session] { Render(*options, session); }};
   for (std::size_t i = 0; i < kFields.size(); ++i)
-    command->add_option(OptionName(kFields[i].name), options->values[i], kFields[i].description)
-        ->type_name(kFields[i].type);
-  command->callback([options, &session] { Render(*options, session); });
+    command.options.push_back(FieldOption(kFields[i], &options->values[i]));
+  return command;
 }
 
 }  // namespace kdray::client

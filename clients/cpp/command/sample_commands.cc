@@ -1,8 +1,10 @@
 #include <algorithm>
+#include <memory>
 
 #include "clients/cpp/client/error.h"
 #include "clients/cpp/client/npy.h"
 #include "clients/cpp/command/output_file.h"
+#include "clients/cpp/command/session.h"
 #include "clients/cpp/command/subcommands.h"
 #include "clients/cpp/command/text.h"
 #include "clients/cpp/sample/mesh_writer.h"
@@ -40,12 +42,12 @@ struct RayOptions {
 Box BoundsOfTree(const std::string& id_or_file, Session& session) {
   Client client = session.Connect();
   const Tree tree = client.GetTree(session.TreeIdFor(client, id_or_file), 30000);
-  try {
-    const Json& bounds = tree.description.at("mesh").at("bounds");
-    return {bounds.at("min").get<Point>(), bounds.at("max").get<Point>()};
-  } catch (const Json::exception&) {
+  const Document bounds = tree.description["mesh"]["bounds"];
+  const std::vector<double> min = bounds["min"].Numbers();
+  const std::vector<double> max = bounds["max"].Numbers();
+  if (min.size() != 3 || max.size() != 3)
     throw UsageError("the description of this tree has no bounds; use --bounds");
-  }
+  return {{min[0], min[1], min[2]}, {max[0], max[1], max[2]}};
 }
 
 void WriteRays(const RayOptions& options, Session& session) {
@@ -65,11 +67,8 @@ void WriteRays(const RayOptions& options, Session& session) {
   session.Say(options.output + ": " + CountText(options.count) + " rays");
 }
 
-}  // namespace
-
-void AddSamples(CLI::App& app, Session& session) {
-  auto mesh = std::make_shared<MeshOptions>();
-  CLI::App* sample = app.add_subcommand("sample", "Write a sample mesh; needs no server");
+Subcommand SampleCommand(Session& session) {
+  auto options = std::make_shared<MeshOptions>();
   std::vector<std::string> names;
   std::string footer = "Shapes (n is --detail):";
   for (const SampleShape& shape : SampleShapes()) {
@@ -77,37 +76,67 @@ void AddSamples(CLI::App& app, Session& session) {
     footer += "\n  " + std::string(shape.name) + ": " + std::string(shape.description) +
               "; n = " + std::to_string(shape.default_detail) + " when left out";
   }
-  sample->footer(footer);
-  sample->add_option("name", mesh->name, "Shape")->required()->check(CLI::IsMember(names));
-  sample->add_option("-o,--output", mesh->output, "Mesh to write: .obj, .ply or .stl")
-      ->required()
-      ->type_name("FILE");
-  sample
-      ->add_option("--detail", mesh->sample.detail,
-                   "Resolution: pieces along an edge of the shape's grid")
-      ->check(CLI::Range(1, kMaxSampleDetail))
-      ->type_name("N");
-  sample->add_option("--seed", mesh->sample.seed, "Of the terrain")->type_name("N");
-  sample->callback([mesh, &session] { WriteSample(*mesh, session); });
+  return {.name = "sample",
+          .help = "Write a sample mesh; needs no server",
+          .options = {{.name = "name",
+                       .help = "Shape",
+                       .value = &options->name,
+                       .required = true,
+                       .choices = std::move(names)},
+                      {.name = "-o,--output",
+                       .help = "Mesh to write: .obj, .ply or .stl",
+                       .value = &options->output,
+                       .type = "FILE",
+                       .required = true},
+                      {.name = "--detail",
+                       .help = "Resolution: pieces along an edge of the shape's grid",
+                       .value = &options->sample.detail,
+                       .type = "N",
+                       .range = Option::Range{1, kMaxSampleDetail}},
+                      {.name = "--seed",
+                       .help = "Of the terrain",
+                       .value = &options->sample.seed,
+                       .type = "N"}},
+          .footer = std::move(footer),
+          .run = [options, &session] { WriteSample(*options, session); }};
+}
 
-  auto rays = std::make_shared<RayOptions>();
-  CLI::App* sample_rays =
-      app.add_subcommand("sample-rays", "Write random rays towards a box, for `kdray rays`");
-  sample_rays->add_option("--bounds", rays->bounds, "Box to aim at, six numbers")
-      ->expected(6)
-      ->delimiter(',')
-      ->type_name("X0,Y0,Z0,X1,Y1,Z1");
-  sample_rays->add_option("--tree", rays->tree, "Aim at this tree's mesh instead")
-      ->type_name("ID|FILE");
-  sample_rays->add_option("-n,--count", rays->count, "How many")
-      ->required()
-      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{100'000'000}))
-      ->type_name("N");
-  sample_rays->add_option("--seed", rays->seed, "Another seed gives other rays")->type_name("N");
-  sample_rays->add_option("-o,--output", rays->output, "Rays to write: .npy of shape (N, 6)")
-      ->required()
-      ->type_name("FILE");
-  sample_rays->callback([rays, &session] { WriteRays(*rays, session); });
+Subcommand SampleRaysCommand(Session& session) {
+  auto options = std::make_shared<RayOptions>();
+  return {.name = "sample-rays",
+          .help = "Write random rays towards a box, for `kdray rays`",
+          .options = {{.name = "--bounds",
+                       .help = "Box to aim at, six numbers",
+                       .value = &options->bounds,
+                       .type = "X0,Y0,Z0,X1,Y1,Z1",
+                       .count = 6,
+                       .split_at_commas = true},
+                      {.name = "--tree",
+                       .help = "Aim at this tree's mesh instead",
+                       .value = &options->tree,
+                       .type = "ID|FILE"},
+                      {.name = "-n,--count",
+                       .help = "How many",
+                       .value = &options->count,
+                       .type = "N",
+                       .required = true,
+                       .range = Option::Range{0, 100'000'000}},
+                      {.name = "--seed",
+                       .help = "Another seed gives other rays",
+                       .value = &options->seed,
+                       .type = "N"},
+                      {.name = "-o,--output",
+                       .help = "Rays to write: .npy of shape (N, 6)",
+                       .value = &options->output,
+                       .type = "FILE",
+                       .required = true}},
+          .run = [options, &session] { WriteRays(*options, session); }};
+}
+
+}  // namespace
+
+std::vector<Subcommand> SampleCommands(Session& session) {
+  return {SampleCommand(session), SampleRaysCommand(session)};
 }
 
 }  // namespace kdray::client

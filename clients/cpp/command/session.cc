@@ -10,23 +10,30 @@
 
 namespace kdray::client {
 
-void Session::AddOptions(CLI::App& app) {
-  app.add_option("--server", server_, "Address of kdrayd")
-      ->envname("KDRAY_SERVER")
-      ->type_name("URL")
-      ->take_last()
-      ->capture_default_str();
-  app.add_option("--token", token_,
-                 "Bearer token, if the server needs one; better in the environment, where other "
-                 "users do not see it")
-      ->envname("KDRAY_TOKEN")
-      ->take_last()
-      ->type_name("TOKEN");
-  app.add_option("--timeout", timeout_s_, "Longest silence of the server to wait for, in seconds")
-      ->check(CLI::Range(1, 86400))
-      ->type_name("S")
-      ->capture_default_str();
-  app.add_flag("-q,--quiet", quiet_, "No progress and no remarks, only results and errors");
+std::vector<Option> Session::Options() {
+  return {{.name = "--server",
+           .help = "Address of kdrayd",
+           .value = &server_,
+           .type = "URL",
+           .help_tells_default = true,
+           .last_wins = true,
+           .environment = "KDRAY_SERVER"},
+          {.name = "--token",
+           .help = "Bearer token, if the server needs one; better in the environment, where other "
+                   "users do not see it",
+           .value = &token_,
+           .type = "TOKEN",
+           .last_wins = true,
+           .environment = "KDRAY_TOKEN"},
+          {.name = "--timeout",
+           .help = "Longest silence of the server to wait for, in seconds",
+           .value = &timeout_s_,
+           .type = "S",
+           .help_tells_default = true,
+           .range = Option::Range{1, 86400}},
+          {.name = "-q,--quiet",
+           .help = "No progress and no remarks, only results and errors",
+           .value = &quiet_}};
 }
 
 Client Session::Connect() const {

@@ -1,12 +1,13 @@
 // Common to all subcommands: the server, the token, and the output of remarks.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
+#include <vector>
 
 #include "clients/cpp/client/client.h"
 #include "clients/cpp/client/upload.h"
 #include "clients/cpp/command/command.h"
+#include "clients/cpp/command/subcommands.h"
 
 namespace kdray::client {
 
@@ -14,8 +15,8 @@ class Session {
  public:
   explicit Session(Console console) : console_(console) {}
 
-  /// --server, --token, --timeout, --quiet.
-  void AddOptions(CLI::App& app);
+  /// --server, --token, --timeout, --quiet. Their values go to this object.
+  std::vector<Option> Options();
 
   /// A client for the chosen server. Throws UsageError if its address is invalid.
   Client Connect() const;

@@ -1,18 +1,63 @@
-// The subcommands. Each function adds one to `app`; it runs while CLI11 parses. `session` must live
-// as long as `app`.
+// The subcommands of `kdray`, as data: what they are called, their options, and what they do.
+// command.cc gives them to CLI11, which no other file includes.
 #pragma once
 
-#include <CLI/CLI.hpp>
-
-#include "clients/cpp/command/session.h"
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
 
 namespace kdray::client {
 
-void AddUpload(CLI::App& app, Session& session);        ///< upload
-void AddRender(CLI::App& app, Session& session);        ///< render
-void AddRays(CLI::App& app, Session& session);          ///< rays
-void AddTreeCommands(CLI::App& app, Session& session);  ///< list, show, delete, cells, mesh
-void AddTradeoff(CLI::App& app, Session& session);      ///< tradeoff
-void AddSamples(CLI::App& app, Session& session);       ///< sample, sample-rays
+class Session;
+
+/// An option, a flag or an argument by position.
+struct Option {
+  /// Where its value goes; it keeps its initial value if the option is not given. A bool is a flag.
+  using Target = std::variant<bool*, int*, std::uint32_t*, std::uint64_t*, std::string*,
+                              std::vector<std::string>*, std::vector<double>*>;
+  struct Range {
+    std::uint64_t min, max;  ///< both included
+  };
+
+  std::string name;  ///< `-o,--output`; without a dash it is an argument by position: `tree`
+  std::string help;
+  Target value;
+  std::string type = {};  ///< how the help calls the value: `FILE`
+  bool required = false;
+  bool help_tells_default = false;
+  bool last_wins = false;                 ///< if it is given twice, which is an error otherwise
+  std::string environment = {};           ///< variable that sets it if the command line does not
+  std::optional<Range> range = {};        ///< of an int or a count
+  std::vector<std::string> choices = {};  ///< the values allowed, if not empty
+  std::optional<int> count = {};          ///< how many values a vector takes; any number otherwise
+  bool split_at_commas = false;
+};
+
+/// A field of a request that an option sets. The text is sent unchanged; the server checks it.
+struct Field {
+  const char* name;  ///< as in the contract: `t_min`; the option is `--t-min`
+  const char* type;
+  const char* help;
+};
+Option FieldOption(const Field& field, std::string* value);
+
+struct Subcommand {
+  std::string name;
+  std::string help;
+  std::vector<Option> options;
+  std::string footer = {};    ///< end of its help; that of `kdray --help` if empty
+  std::function<void()> run;  ///< called when all options have their values; may throw
+};
+
+// `session` must live as long as what these return.
+Subcommand UploadCommand(Session& session);
+Subcommand RenderCommand(Session& session);
+Subcommand RaysCommand(Session& session);
+std::vector<Subcommand> TreeCommands(Session& session);  ///< list, show, delete, cells, mesh
+Subcommand TradeoffCommand(Session& session);
+std::vector<Subcommand> SampleCommands(Session& session);  ///< sample, sample-rays
 
 }  // namespace kdray::client

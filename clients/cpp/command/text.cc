@@ -31,6 +31,12 @@ std::string NumberText(double number, int digits) {
   return {text.data(), static_cast<std::size_t>(length)};
 }
 
+std::string VectorText(const std::vector<double>& numbers) {
+  std::string text;
+  for (const double number : numbers) text += (text.empty() ? "" : " ") + NumberText(number, 6);
+  return text;
+}
+
 std::string Table(const std::vector<std::vector<std::string>>& rows, std::string_view alignment) {
   std::string out;
   if (rows.empty()) return out;

@@ -1,7 +1,9 @@
+#include <memory>
 #include <ostream>
 
 #include "clients/cpp/client/error.h"
 #include "clients/cpp/command/progress_bar.h"
+#include "clients/cpp/command/session.h"
 #include "clients/cpp/command/subcommands.h"
 #include "clients/cpp/command/tradeoff_text.h"
 
@@ -31,30 +33,39 @@ Tradeoff Measure(Client& client, const std::string& id, bool again, Session& ses
   return *tradeoff;
 }
 
+void Run(const Options& options, Session& session) {
+  Client client = session.Connect();
+  const std::string id = session.TreeIdFor(client, options.tree);
+  if (options.forget) {
+    client.ForgetTradeoff(id);
+    session.Say("forgotten");
+    return;
+  }
+  const Tradeoff tradeoff = Measure(client, id, options.again, session);
+  session.console().out << (options.json ? tradeoff.document.Indented() + "\n"
+                                         : Printable(TradeoffText(tradeoff.document)));
+}
+
 }  // namespace
 
-void AddTradeoff(CLI::App& app, Session& session) {
+Subcommand TradeoffCommand(Session& session) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "tradeoff", "Measure speed and accuracy on a mesh: every build with every precision");
-  command->add_option("tree", options->tree, "Tree, whole id or its beginning, or a mesh file")
-      ->required()
-      ->type_name("ID|FILE");
-  command->add_flag("--again", options->again, "Measure even if it was measured before");
-  command->add_flag("--forget", options->forget, "Stop measuring, and delete the result");
-  command->add_flag("--json", options->json, "As the server gives it");
-  command->callback([options, &session] {
-    Client client = session.Connect();
-    const std::string id = session.TreeIdFor(client, options->tree);
-    if (options->forget) {
-      client.ForgetTradeoff(id);
-      session.Say("forgotten");
-      return;
-    }
-    const Tradeoff tradeoff = Measure(client, id, options->again, session);
-    session.console().out << (options->json ? tradeoff.document.dump(2) + "\n"
-                                            : Printable(TradeoffText(tradeoff.document)));
-  });
+  return {
+      .name = "tradeoff",
+      .help = "Measure speed and accuracy on a mesh: every build with every precision",
+      .options = {{.name = "tree",
+                   .help = "Tree, whole id or its beginning, or a mesh file",
+                   .value = &options->tree,
+                   .type = "ID|FILE",
+                   .required = true},
+                  {.name = "--again",
+                   .help = "Measure even if it was measured before",
+                   .value = &options->again},
+                  {.name = "--forget",
+                   .help = "Stop measuring, and delete the result",
+                   .value = &options->forget},
+                  {.name = "--json", .help = "As the server gives it", .value = &options->json}},
+      .run = [options, &session] { Run(*options, session); }};
 }
 
 }  // namespace kdray::client

@@ -3,12 +3,12 @@
 
 #include <string>
 
-#include "clients/cpp/client/client.h"
+#include "clients/cpp/client/document.h"
 
 namespace kdray::client {
 
 /// A row for every build with every precision, and a line about the conditions. Missing values are
 /// blank.
-std::string TradeoffText(const Json& tradeoff);
+std::string TradeoffText(const Document& tradeoff);
 
 }  // namespace kdray::client

@@ -1,9 +1,11 @@
+#include <memory>
 #include <ostream>
 
 #include "clients/cpp/client/error.h"
 #include "clients/cpp/client/find_tree.h"
 #include "clients/cpp/command/description.h"
 #include "clients/cpp/command/output_file.h"
+#include "clients/cpp/command/session.h"
 #include "clients/cpp/command/subcommands.h"
 #include "clients/cpp/command/text.h"
 
@@ -20,7 +22,7 @@ struct Options {
 
 void List(const Options& options, Session& session) {
   Client client = session.Connect();
-  Json descriptions = Json::array();
+  std::vector<Document> descriptions;
   std::vector<std::vector<std::string>> rows = {ListHeader()};
   std::string after;
   do {
@@ -33,7 +35,7 @@ void List(const Options& options, Session& session) {
   } while (!after.empty());
   std::ostream& out = session.console().out;
   if (options.json)
-    out << descriptions.dump(2) << "\n";
+    out << Document::ArrayOf(descriptions).Indented() << "\n";
   else
     out << Printable(Table(rows, "lrlllrl"));
   if (rows.size() == 1) session.Say("no trees yet; kdray upload FILE makes one");
@@ -42,7 +44,7 @@ void List(const Options& options, Session& session) {
 void Show(const Options& options, Session& session) {
   Client client = session.Connect();
   const Tree tree = client.GetTree(ResolveTreeId(client, options.trees.front()));
-  session.console().out << (options.json ? tree.description.dump(2) + "\n"
+  session.console().out << (options.json ? tree.description.Indented() + "\n"
                                          : Printable(DetailsOf(tree.description)));
 }
 
@@ -55,27 +57,20 @@ void Delete(const Options& options, Session& session) {
   }
 }
 
-std::string PointText(const Json& point) {
-  std::string text;
-  for (const Json& number : point)
-    if (number.is_number()) text += (text.empty() ? "" : " ") + NumberText(number.get<double>(), 6);
-  return text;
-}
-
 void Cells(const Options& options, Session& session) {
   Client client = session.Connect();
-  const Json answer = client.Cells(ResolveTreeId(client, options.trees.front()), options.depth);
+  const Document answer = client.Cells(ResolveTreeId(client, options.trees.front()), options.depth);
   std::ostream& out = session.console().out;
   if (options.json) {
-    out << answer.dump(2) << "\n";
+    out << answer.Indented() << "\n";
     return;
   }
   std::vector<std::vector<std::string>> rows = {{"DEPTH", "KIND", "TRIANGLES", "MIN", "MAX"}};
-  for (const Json& cell : answer.value("cells", Json::array()))
-    rows.push_back(
-        {std::to_string(cell.value("depth", 0)), cell.value("leaf", false) ? "leaf" : "node",
-         CountText(cell.value("triangles", std::uint64_t{0})),
-         PointText(cell.value("min", Json::array())), PointText(cell.value("max", Json::array()))});
+  for (const Document& cell : answer["cells"].Items())
+    rows.push_back({std::to_string(cell["depth"].Count().value_or(0)),
+                    cell["leaf"].Flag() == true ? "leaf" : "node",
+                    CountText(cell["triangles"].Count().value_or(0)),
+                    VectorText(cell["min"].Numbers()), VectorText(cell["max"].Numbers())});
   out << Table(rows, "rlrll");
 }
 
@@ -93,42 +88,73 @@ void Mesh(const Options& options, Session& session) {
 
 }  // namespace
 
-void AddTreeCommands(CLI::App& app, Session& session) {
-  const auto add = [&](const char* name, const char* description, auto run, bool takes_tree) {
-    auto options = std::make_shared<Options>();
-    CLI::App* command = app.add_subcommand(name, description);
-    if (takes_tree) {
-      CLI::Option* tree =
-          command->add_option("tree", options->trees, "Tree, whole id or its beginning")
-              ->required()
-              ->type_name("ID");
-      if (std::string_view(name) != "delete") tree->expected(1);
-    }
-    command->callback([options, run, &session] { run(*options, session); });
-    return std::pair{command, options};
+std::vector<Subcommand> TreeCommands(Session& session) {
+  const auto new_options = [] { return std::make_shared<Options>(); };
+  const auto tree = [](const auto& options) {
+    return Option{.name = "tree",
+                  .help = "Tree, whole id or its beginning",
+                  .value = &options->trees,
+                  .type = "ID",
+                  .required = true,
+                  .count = 1};
+  };
+  const auto trees = [&](const auto& options) {
+    Option any_number = tree(options);
+    any_number.count.reset();
+    return any_number;
+  };
+  const auto run = [&](void (*function)(const Options&, Session&), const auto& options) {
+    return [function, options, &session] { function(*options, session); };
   };
 
-  const auto [list, list_options] =
-      add("list", "Trees that the server has, newest first", List, false);
-  list->add_flag("--full", list_options->full, "Whole ids");
-  list->add_flag("--json", list_options->json, "The trees' whole descriptions");
+  std::vector<Subcommand> commands;
+  auto options = new_options();
+  commands.push_back({.name = "list",
+                      .help = "Trees that the server has, newest first",
+                      .options = {{.name = "--full", .help = "Whole ids", .value = &options->full},
+                                  {.name = "--json",
+                                   .help = "The trees' whole descriptions",
+                                   .value = &options->json}},
+                      .run = run(List, options)});
 
-  const auto [show, show_options] = add("show", "Describe a tree and its mesh", Show, true);
-  show->add_flag("--json", show_options->json, "The whole description");
+  options = new_options();
+  commands.push_back(
+      {.name = "show",
+       .help = "Describe a tree and its mesh",
+       .options = {tree(options),
+                   {.name = "--json", .help = "The whole description", .value = &options->json}},
+       .run = run(Show, options)});
 
-  add("delete", "Delete trees; a mesh is deleted with its last tree", Delete, true);
+  options = new_options();
+  commands.push_back({.name = "delete",
+                      .help = "Delete trees; a mesh is deleted with its last tree",
+                      .options = {trees(options)},
+                      .run = run(Delete, options)});
 
-  const auto [cells, cells_options] =
-      add("cells", "Boxes of a tree's nodes at one depth, and of the leaves above", Cells, true);
-  cells->add_option("--depth", cells_options->depth, "0 is the root")
-      ->required()
-      ->type_name("DEPTH");
-  cells->add_flag("--json", cells_options->json, "As the server gives them");
+  options = new_options();
+  commands.push_back(
+      {.name = "cells",
+       .help = "Boxes of a tree's nodes at one depth, and of the leaves above",
+       .options = {tree(options),
+                   {.name = "--depth",
+                    .help = "0 is the root",
+                    .value = &options->depth,
+                    .type = "DEPTH",
+                    .required = true},
+                   {.name = "--json", .help = "As the server gives them", .value = &options->json}},
+       .run = run(Cells, options)});
 
-  const auto [mesh, mesh_options] = add("mesh", "The file that was uploaded", Mesh, true);
-  mesh->add_option("-o,--output", mesh_options->output, "File to write, or -")
-      ->required()
-      ->type_name("FILE");
+  options = new_options();
+  commands.push_back({.name = "mesh",
+                      .help = "The file that was uploaded",
+                      .options = {tree(options),
+                                  {.name = "-o,--output",
+                                   .help = "File to write, or -",
+                                   .value = &options->output,
+                                   .type = "FILE",
+                                   .required = true}},
+                      .run = run(Mesh, options)});
+  return commands;
 }
 
 }  // namespace kdray::client

@@ -9,9 +9,10 @@
 #include <iterator>
 #include <sstream>
 
+#include "clients/cpp/client/document.h"
 #include "clients/cpp/client/local_file.h"
+#include "tests/support/temporary_folder.h"
 #include "tests/unit/clients/fake_service.h"
-#include "tests/unit/clients/temporary_folder.h"
 
 namespace kdray::client {
 namespace {
@@ -102,7 +103,7 @@ TEST_F(CommandTest, UploadWaitsForTheBuildAndTellsHowFarItIs) {
 
 TEST_F(CommandTest, UploadShowsWhereTheMeshIsWrong) {
   service_.AnswerOnce("POST", "/v1/trees?build",
-                      {422, ProblemJson(422, "invalid_mesh", "vertex 9 of 8", {{"line", 12}}),
+                      {422, ProblemJson(422, "invalid_mesh", "vertex 9 of 8", R"({"line": 12})"),
                        "application/problem+json"});
   EXPECT_EQ(Run({"upload", WriteMesh()}), kExitRefused);
   EXPECT_THAT(out_.str(), IsEmpty());
@@ -242,7 +243,7 @@ TEST_F(CommandTest, ListShowsEveryPage) {
                               "2026-01-02 03:04\n"),
                     HasSubstr("\naaaaaaaaaaaa-bvh  ")));
   EXPECT_EQ(Run({"list", "--json"}), kExitOk);
-  EXPECT_EQ(nlohmann::json::parse(out_.str()).size(), 5u);
+  EXPECT_EQ(Document::Parse(out_.str()).value().Items().size(), 5u);
 }
 
 TEST_F(CommandTest, AnIdMayBeCutToWhatNamesOneTree) {
@@ -284,7 +285,7 @@ TEST_F(CommandTest, CellsPrintsATableOrTheAnswerItself) {
             "    1  leaf      4,321  0 0 0  1 2 3\n");
   EXPECT_EQ(service_.Targets("GET").back(), "/v1/trees/" + kDigestA + "-auto/cells?depth=1");
   EXPECT_EQ(Run({"cells", kDigestA + "-auto", "--depth", "1", "--json"}), kExitOk);
-  EXPECT_EQ(nlohmann::json::parse(out_.str())["cells"][0]["triangles"], 4321);
+  EXPECT_EQ(Document::Parse(out_.str()).value()["cells"].Items().at(0)["triangles"].Count(), 4321u);
 }
 
 TEST_F(CommandTest, TradeoffMeasuresWhatWasNotMeasuredAndPrintsATable) {
@@ -312,7 +313,7 @@ TEST_F(CommandTest, TradeoffMeasuresWhatWasNotMeasuredAndPrintsATable) {
                                 HasSubstr("other work beside 1 of 48 runs")));
   service_.AnswerOnce("GET", path, {200, measured});
   EXPECT_EQ(Run({"tradeoff", id, "--json"}), kExitOk);
-  EXPECT_EQ(nlohmann::json::parse(out_.str()).at("mesh").at("triangles"), 12);
+  EXPECT_EQ(Document::Parse(out_.str()).value()["mesh"]["triangles"].Count(), 12u);
   service_.AnswerOnce("POST", path, {200, measured});
   EXPECT_EQ(Run({"tradeoff", id, "--again"}), kExitOk);
   service_.AnswerOnce("DELETE", path, {204, ""});

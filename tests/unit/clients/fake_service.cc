@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cctype>
 #include <deque>
+#include <nlohmann/json.hpp>
 #include <thread>
 
 namespace kdray::test {
@@ -33,14 +34,14 @@ void Refuse(httplib::Response& response, int status, const std::string& code,
 }  // namespace
 
 std::string ProblemJson(int status, const std::string& code, const std::string& detail,
-                        const Json& more) {
+                        const std::string& more) {
   Json problem = {{"type", "/problems/" + code},
                   {"title", code},
                   {"status", status},
                   {"detail", detail},
                   {"code", code},
                   {"request_id", "req-7"}};
-  problem.update(more);
+  problem.update(Json::parse(more));
   return problem.dump();
 }
 

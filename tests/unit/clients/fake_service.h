@@ -7,7 +7,6 @@
 #include <map>
 #include <memory>
 #include <mutex>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -57,8 +56,8 @@ class FakeService {
   std::unique_ptr<Impl> impl_;
 };
 
-/// A problem document.
+/// A problem document. `more` is a JSON object with further members.
 std::string ProblemJson(int status, const std::string& code, const std::string& detail,
-                        const nlohmann::json& more = nlohmann::json::object());
+                        const std::string& more = "{}");
 
 }  // namespace kdray::test

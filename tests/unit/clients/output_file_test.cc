@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "clients/cpp/client/error.h"
-#include "tests/unit/clients/temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kdray::client {
 namespace {

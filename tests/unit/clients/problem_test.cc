@@ -15,7 +15,7 @@ TEST(Problem, ReadsEveryFieldOfTheContract) {
   const Problem problem = ParseProblem(
       422,
       test::ProblemJson(422, "invalid_mesh", "vertex 9 of 8",
-                        {{"line", 12}, {"parameter", "/rays/3"}, {"limit", 8}, {"actual", 9.5}}),
+                        R"({"line": 12, "parameter": "/rays/3", "limit": 8, "actual": 9.5})"),
       "from-header");
   EXPECT_EQ(problem.status, 422);
   EXPECT_EQ(problem.code, "invalid_mesh");
