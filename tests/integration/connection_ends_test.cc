@@ -5,13 +5,14 @@
 #include <atomic>
 #include <chrono>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "server/http/http_server.h"
 #include "tests/support/raw_client.h"
+#include "tests/support/recording_handler.h"
+#include "tests/support/wait_until.h"
 
 namespace kdray::server {
 namespace {
@@ -22,67 +23,27 @@ using test::RawClient;
 using Clock = std::chrono::steady_clock;
 
 /// Reads the body, then works under a watch: for a moment at /short, until `let_go` elsewhere.
-class WatchingHandler final : public HttpHandler {
+class WatchingHandler final : public test::RecordingHandler {
  public:
   HttpResponse Handle(const HttpRequest& request) override {
+    ++begun;
     std::string body;
-    std::vector<std::byte> piece(1000);
-    for (;;) {
-      const auto count = request.peer->ReadBody(piece);
-      if (!count) return Refuse(request, count.problem());
-      if (*count == 0) break;
-      body.append(reinterpret_cast<const char*>(piece.data()), *count);
-    }
-    const auto cancel = core::CancelToken::WithDeadline(Clock::now() + 20s);
-    {
-      const auto watch = request.peer->CancelWhenGone(cancel);
-      ++working;
-      if (request.path == "/short") {
-        std::this_thread::sleep_for(20ms);
-      } else {
-        while (!cancel.ShouldStop() && !let_go) std::this_thread::sleep_for(1ms);
-      }
-      --working;
+    if (const auto problem = ReadBody(request, &body)) return Refuse(request, *problem);
+    bool has_left = false;
+    if (request.path == "/short") {
+      const auto watch = request.peer->CancelWhenGone(core::CancelToken::Cancellable());
+      std::this_thread::sleep_for(20ms);  // real time: the watch's thread sleeps on the connection
+    } else {
+      has_left = !WorkUntilLetGo(request);
     }
     HttpResponse response;
-    response.status = cancel.ShouldStop() ? 504 : 200;
+    response.status = has_left ? 504 : 200;
     response.body =
         request.path == "/large" ? std::string(32 << 20, 'x') : request.path + " " + body;
     return response;
   }
-  HttpResponse Refuse(const HttpRequest&, const api::Problem& problem) override {
-    HttpResponse response;
-    response.status = api::RowOf(problem.code).status;
-    response.error_code = api::Name(problem.code);
-    response.body = std::string(api::Name(problem.code));
-    return response;
-  }
-  void Answered(const HttpRecord& record) noexcept override {
-    const std::lock_guard lock(mutex);
-    records.push_back(record);
-  }
 
-  /// The next record; fails the test when none comes.
-  HttpRecord NextRecord() {
-    for (int i = 0; i < 5000; ++i) {
-      {
-        const std::lock_guard lock(mutex);
-        if (!records.empty()) {
-          const HttpRecord record = records.front();
-          records.erase(records.begin());
-          return record;
-        }
-      }
-      std::this_thread::sleep_for(1ms);
-    }
-    ADD_FAILURE() << "no record";
-    return {};
-  }
-
-  std::atomic<int> working{0};
-  std::atomic<bool> let_go{false};
-  std::mutex mutex;
-  std::vector<HttpRecord> records;
+  std::atomic<int> begun{0};  ///< requests whose head was read
 };
 
 class ConnectionEnds : public testing::Test {
@@ -106,14 +67,10 @@ class ConnectionEnds : public testing::Test {
     return options;
   }
   int port() const { return server_.port(); }
-  void WaitUntilWorking(int count = 1) const {
-    for (int i = 0; i < 10'000 && handler_.working != count; ++i) std::this_thread::sleep_for(1ms);
-    ASSERT_EQ(handler_.working, count);
-  }
   /// How long the work under way goes on.
   Clock::duration WorkGoesOnFor() const {
     const auto start = Clock::now();
-    WaitUntilWorking(0);
+    handler_.WaitUntilWorking(0);
     return Clock::now() - start;
   }
 
@@ -140,7 +97,7 @@ TEST_F(ConnectionEnds, AreSeenAtOnceWhenAConnectionThatWasWatchedIsIdleTooLong) 
 TEST_F(ConnectionEnds, AreSeenAtOnceWhenOthersAreStillWatched) {
   RawClient other(port());
   other.Send(MakeRequest("GET", "/long"));
-  WaitUntilWorking();
+  handler_.WaitUntilWorking();
   std::vector<std::unique_ptr<WatchedClientOf>> clients;
   for (int i = 0; i < 3; ++i) clients.push_back(std::make_unique<WatchedClientOf>(port()));
   for (auto& client : clients) EXPECT_TRUE(client->IsClosed(2s));
@@ -169,7 +126,7 @@ TEST_F(ConnectionEnds, AreSeenAtOnceWhenTheServerDrains) {
 TEST_F(ConnectionEnds, AreSeenAtOnceAfterTheAnswerUnderWayWhenTheServerDrains) {
   RawClient client(port());
   client.Send(MakeRequest("GET", "/long"));
-  WaitUntilWorking();
+  handler_.WaitUntilWorking();
   server_.Drain();
   handler_.let_go = true;
   EXPECT_EQ(client.Read()->body, "/long ");
@@ -206,7 +163,6 @@ TEST_F(ConnectionEnds, AreSeenByAClientThatReadsTooLate) {
   RawClient client(port());
   client.Send(MakeRequest("GET", "/large"));
   EXPECT_FALSE(handler_.NextRecord().complete);
-  std::this_thread::sleep_for(50ms);
   const auto start = Clock::now();
   EXPECT_TRUE(client.IsClosed(2s));
   EXPECT_LT(Clock::now() - start, 1s);
@@ -219,8 +175,8 @@ TEST_F(ConnectionEnds, AreNotBroughtByAClientThatOnlyHalfCloses) {
     client.Send("POST /long " + std::string(version) +
                 "\r\nHost: h\r\nContent-Length: 4\r\n\r\nbody");
     client.ShutdownWrite();
-    WaitUntilWorking();
-    std::this_thread::sleep_for(900ms);  // some probes
+    handler_.WaitUntilWorking();
+    std::this_thread::sleep_for(900ms);  // real time: the watch probes after 250 ms, then 500 ms
     EXPECT_EQ(handler_.working, 1);
     handler_.let_go = true;
     const std::string answer = client.ReadToEnd();
@@ -240,8 +196,8 @@ TEST_F(ConnectionEnds, AreNotBroughtByAClientThatHalfClosesAfterSeveralRequests)
   client.Send(MakeRequest("GET", "/short") + MakeRequest("POST", "/long", "1") +
               MakeRequest("GET", "/short", ""));
   client.ShutdownWrite();
-  WaitUntilWorking();
-  std::this_thread::sleep_for(50ms);
+  handler_.WaitUntilWorking();
+  std::this_thread::sleep_for(50ms);  // real time: the watch sees that the client sends no more
   handler_.let_go = true;
   for (const char* body : {"/short ", "/long 1", "/short "}) {
     const auto answer = client.Read();
@@ -255,7 +211,7 @@ TEST_F(ConnectionEnds, AreNotBroughtByAClientThatHalfClosesAfterSeveralRequests)
 TEST_F(ConnectionEnds, StopTheWorkOfAClientThatCloses) {
   RawClient client(port());
   client.Send(MakeRequest("GET", "/long"));
-  WaitUntilWorking();
+  handler_.WaitUntilWorking();
   client.Close();
   EXPECT_LT(WorkGoesOnFor(), 250ms);
   const HttpRecord record = handler_.NextRecord();
@@ -274,7 +230,7 @@ TEST_F(ConnectionEnds, StopTheWorkOfAClientThatClosesBeforeItBegins) {
 TEST_F(ConnectionEnds, StopTheWorkOfAClientThatResets) {
   RawClient client(port());
   client.Send(MakeRequest("GET", "/long"));
-  WaitUntilWorking();
+  handler_.WaitUntilWorking();
   client.Reset();
   EXPECT_LT(WorkGoesOnFor(), 250ms);
   EXPECT_EQ(handler_.NextRecord().status, kClientGone);
@@ -284,7 +240,7 @@ TEST_F(ConnectionEnds, StopTheWorkOfAClientThatHalfClosesAndLeavesLater) {
   RawClient client(port());
   client.Send(MakeRequest("GET", "/long"));
   client.ShutdownWrite();
-  WaitUntilWorking();
+  handler_.WaitUntilWorking();
   EXPECT_FALSE(client.Read(300ms));  // takes what the first probes sent
   client.Close();
   EXPECT_LT(WorkGoesOnFor(), 1s);
@@ -299,9 +255,10 @@ TEST_F(ConnectionEnds, InTheMiddleOfABodyAreRecordedAsTheyAre) {
   EXPECT_EQ(cut.Read()->body, "malformed_request");
   EXPECT_EQ(handler_.NextRecord().status, 400);
   for (const bool reset : {false, true}) {
+    const int begun = handler_.begun;
     RawClient gone(port());
     gone.Send(half);
-    std::this_thread::sleep_for(20ms);
+    ASSERT_TRUE(test::WaitUntil([&] { return handler_.begun > begun; }));
     reset ? gone.Reset() : gone.Close();
     EXPECT_EQ(handler_.NextRecord().status, kClientGone) << reset;
   }
@@ -310,7 +267,7 @@ TEST_F(ConnectionEnds, InTheMiddleOfABodyAreRecordedAsTheyAre) {
 TEST_F(ConnectionEnds, BroughtByTheServerAreNotTheClients) {
   RawClient client(port());
   client.Send(MakeRequest("GET", "/long"));
-  WaitUntilWorking();
+  handler_.WaitUntilWorking();
   server_.Stop();
   EXPECT_EQ(handler_.working, 0);
   EXPECT_EQ(handler_.NextRecord().status, 504);

@@ -21,6 +21,7 @@
 #include "tests/support/raw_client.h"
 #include "tests/support/shapes.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/wait_until.h"
 
 namespace kdray::server {
 namespace {
@@ -266,10 +267,14 @@ TEST_F(DaemonProcess, LogsAClientThatLeavesAsThat) {
     client.Send(MakeRequest("GET",
                             "/v1/trees/" + id + "/render.png?width=2000&height=2000&samples=64", "",
                             "X-Request-Id: gone-" + std::to_string(reset) + "\r\n"));
+    // Real time: until the render is under way, which the daemon tells nobody.
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
     reset ? client.Reset() : client.Close();
   }
-  std::this_thread::sleep_for(std::chrono::milliseconds(250));
+  EXPECT_TRUE(test::WaitUntil([&] {
+    const std::string log = daemon.errors();
+    return log.find("gone-0") != std::string::npos && log.find("gone-1") != std::string::npos;
+  }));
   daemon.Signal(SIGTERM);
   EXPECT_EQ(daemon.WaitForExit(std::chrono::seconds(2)), 0);
   int found = 0;

@@ -6,13 +6,13 @@
 #include <atomic>
 #include <chrono>
 #include <future>
-#include <mutex>
 #include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "tests/support/raw_client.h"
+#include "tests/support/recording_handler.h"
 
 namespace kdray::server {
 namespace {
@@ -24,7 +24,7 @@ using test::MakeRequest;
 using test::RawClient;
 
 /// Answers 200 with `METHOD path body`; some paths do something else.
-class EchoHandler final : public HttpHandler {
+class EchoHandler final : public test::RecordingHandler {
  public:
   HttpResponse Handle(const HttpRequest& request) override {
     ++handled;
@@ -60,60 +60,16 @@ class EchoHandler final : public HttpHandler {
           });
       return response;
     }
-    if (request.path == "/wait") {
-      const auto cancel = core::CancelToken::WithDeadline(std::chrono::steady_clock::now() + 10s);
-      const auto watch = request.peer->CancelWhenGone(cancel);
-      const auto start = std::chrono::steady_clock::now();
-      waiting = true;
-      while (!cancel.ShouldStop() && !let_go) std::this_thread::sleep_for(1ms);
-      cancelled_after = std::chrono::steady_clock::now() - start;
-      waiting = false;
-    }
+    if (request.path == "/wait") WorkUntilLetGo(request);
     std::string text = request.method + " " + request.path + " ";
-    std::vector<std::byte> piece(1000);
-    for (;;) {
-      const auto count = request.peer->ReadBody(piece);
-      if (!count) return Refuse(request, count.problem());
-      if (*count == 0) break;
-      text.append(reinterpret_cast<const char*>(piece.data()), *count);
-    }
+    if (const auto problem = ReadBody(request, &text)) return Refuse(request, *problem);
     response.body = std::move(text);
     response.headers.Add("Content-Type", "text/plain");
     response.headers.Add("X-Split", "a\r\nSet-Cookie: b");
     return response;
   }
-  HttpResponse Refuse(const HttpRequest&, const api::Problem& problem) override {
-    HttpResponse response;
-    response.status = api::RowOf(problem.code).status;
-    response.error_code = api::Name(problem.code);
-    response.body = std::string(api::Name(problem.code));
-    return response;
-  }
-  void Answered(const HttpRecord& record) noexcept override {
-    const std::lock_guard lock(mutex);
-    records.push_back(record);
-  }
-
-  /// The record of the request to `path`, which may be written a moment after its answer.
-  HttpRecord RecordOf(const std::string& path) {
-    for (int i = 0; i < 5000; ++i) {
-      {
-        const std::lock_guard lock(mutex);
-        for (const HttpRecord& record : records) {
-          if (record.path == path) return record;
-        }
-      }
-      std::this_thread::sleep_for(1ms);
-    }
-    ADD_FAILURE() << "no record of " << path;
-    return {};
-  }
 
   std::atomic<int> handled{0};
-  std::atomic<bool> waiting{false}, let_go{false};
-  std::atomic<std::chrono::steady_clock::duration> cancelled_after{};
-  std::mutex mutex;
-  std::vector<HttpRecord> records;
 };
 
 class HttpServerTest : public testing::Test {
@@ -194,7 +150,7 @@ TEST_F(HttpServerTest, ReadsARequestThatArrivesByteByByte) {
   RawClient client(port());
   for (const char c : MakeRequest("POST", "/echo", "slow")) {
     ASSERT_TRUE(client.Send(std::string(1, c)));
-    std::this_thread::sleep_for(1ms);
+    std::this_thread::sleep_for(1ms);  // real time: the server should find each byte alone
   }
   EXPECT_EQ(client.Read()->body, "POST /echo slow");
 }
@@ -357,10 +313,10 @@ TEST_F(HttpServerTest, AnswersAClientThatHasClosedItsSendingSide) {
 TEST_F(HttpServerTest, CancelsTheWorkOfAClientThatLeaves) {
   RawClient client(port());
   client.Send(MakeRequest("GET", "/wait"));
-  while (!handler_.waiting) std::this_thread::sleep_for(1ms);
+  handler_.WaitUntilWorking();
   const auto left = std::chrono::steady_clock::now();
   client.Close();
-  while (handler_.waiting) std::this_thread::sleep_for(1ms);
+  handler_.WaitUntilWorking(0);
   EXPECT_LT(std::chrono::steady_clock::now() - left, 250ms);
 }
 
@@ -368,7 +324,7 @@ TEST_F(HttpServerTest, SurvivesAClientThatLeavesInTheMiddleOfAnAnswer) {
   for (int i = 0; i < 5; ++i) {
     RawClient client(port());
     client.Send(MakeRequest("GET", "/large"));
-    std::this_thread::sleep_for(5ms);
+    ASSERT_TRUE(client.WaitForBytes());
     client.Close();
   }
   EXPECT_EQ(Ask(port(), MakeRequest("GET", "/echo"))->status, 200);
@@ -407,10 +363,11 @@ TEST_F(HttpServerTest, RecordsEveryAnswerOnce) {
   Ask(port(), "nonsense\r\n\r\n");
   server_.Stop();
   // In either order: an answer is recorded after it was sent, by the thread of its connection.
-  ASSERT_EQ(handler_.records.size(), 2U);
-  const bool echo_first = handler_.records[0].status == 200;
-  const HttpRecord& echo = handler_.records[echo_first ? 0 : 1];
-  const HttpRecord& refused = handler_.records[echo_first ? 1 : 0];
+  const std::vector<HttpRecord> records = handler_.Records();
+  ASSERT_EQ(records.size(), 2U);
+  const bool echo_first = records[0].status == 200;
+  const HttpRecord& echo = records[echo_first ? 0 : 1];
+  const HttpRecord& refused = records[echo_first ? 1 : 0];
   EXPECT_EQ(echo.method, "POST");
   EXPECT_EQ(echo.path, "/echo");
   EXPECT_EQ(echo.status, 200);
@@ -428,7 +385,7 @@ TEST_F(HttpServerTest, FinishesWhatIsUnderWayWhenItDrains) {
   ASSERT_TRUE(idle.Read());
   RawClient busy(port());
   busy.Send(MakeRequest("GET", "/wait"));
-  while (!handler_.waiting) std::this_thread::sleep_for(1ms);
+  handler_.WaitUntilWorking();
 
   server_.Drain();
   EXPECT_TRUE(idle.IsClosed(5s));
@@ -451,7 +408,7 @@ TEST_F(HttpServerTest, StopsWithoutWaitingForClients) {
   half.Send("POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 10\r\n\r\nhalf");
   RawClient working(port());
   working.Send(MakeRequest("GET", "/wait"));
-  while (!handler_.waiting) std::this_thread::sleep_for(1ms);
+  handler_.WaitUntilWorking();
   const auto start = std::chrono::steady_clock::now();
   server_.Stop();
   EXPECT_LT(std::chrono::steady_clock::now() - start, 2s);
@@ -489,7 +446,7 @@ TEST_F(ImpatientHttpServer, LetsABodyTakeItsTimeWhileItKeepsThePace) {
   client.Send("POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 60000\r\n\r\n");
   for (int i = 0; i < 12; ++i) {
     client.Send(std::string(5000, 'x'));
-    std::this_thread::sleep_for(45ms);
+    std::this_thread::sleep_for(45ms);  // real time: the pace is what is tested
   }
   const auto answer = client.Read();
   ASSERT_TRUE(answer);
@@ -503,8 +460,7 @@ TEST_F(ImpatientHttpServer, ClosesAConnectionThatSaysNothing) {
   idle.Send(MakeRequest("GET", "/echo"));
   ASSERT_TRUE(idle.Read());
   EXPECT_TRUE(idle.IsClosed(2s));
-  const std::lock_guard lock(handler_.mutex);
-  EXPECT_EQ(handler_.records.size(), 1U);
+  EXPECT_EQ(handler_.Records().size(), 1U);
 }
 
 TEST_F(ImpatientHttpServer, GivesUpOnAClientThatDoesNotRead) {
@@ -517,6 +473,7 @@ TEST_F(CrowdedHttpServer, ClosesTheLongestIdleConnectionToLetANewOneIn) {
   RawClient first(port()), second(port());
   first.Send(MakeRequest("GET", "/echo"));
   ASSERT_TRUE(first.Read());
+  // Real time: a connection counts as idle a moment after its answer, which nothing tells.
   std::this_thread::sleep_for(20ms);
   second.Send(MakeRequest("GET", "/echo"));
   ASSERT_TRUE(second.Read());
@@ -532,9 +489,8 @@ TEST_F(CrowdedHttpServer, ClosesTheLongestIdleConnectionToLetANewOneIn) {
 TEST_F(CrowdedHttpServer, RefusesAtOnceWhenEveryConnectionIsBusy) {
   RawClient first(port()), second(port());
   for (RawClient* client : {&first, &second}) {
-    handler_.waiting = false;
     client->Send(MakeRequest("GET", "/wait"));
-    while (!handler_.waiting) std::this_thread::sleep_for(1ms);
+    handler_.WaitUntilWorking(client == &first ? 1 : 2);
   }
   for (int i = 0; i < 5; ++i) {
     const auto start = std::chrono::steady_clock::now();

@@ -96,6 +96,10 @@ std::optional<RawAnswer> RawClient::Read(std::chrono::milliseconds timeout, bool
   return answer;
 }
 
+bool RawClient::WaitForBytes(std::chrono::milliseconds timeout) {
+  return !buffer_.empty() || Fill(Clock::now() + timeout);
+}
+
 std::string RawClient::ReadToEnd(std::chrono::milliseconds timeout) {
   const auto deadline = Clock::now() + timeout;
   while (Fill(deadline)) {

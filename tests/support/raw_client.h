@@ -33,6 +33,9 @@ class RawClient {
   /// `to_head`: the request was a HEAD, so no body follows.
   std::optional<RawAnswer> Read(std::chrono::milliseconds timeout = std::chrono::seconds(10),
                                 bool to_head = false);
+  /// True once some bytes have come, which the next Read() gets; false when the connection ends or
+  /// `timeout` passes before.
+  bool WaitForBytes(std::chrono::milliseconds timeout = std::chrono::seconds(10));
   /// The bytes until the server closes, or until `timeout` passes.
   std::string ReadToEnd(std::chrono::milliseconds timeout = std::chrono::seconds(10));
   /// True if the server closes within `timeout`; bytes until then are dropped.

@@ -2,19 +2,17 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <pthread.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <ctime>
 #include <numbers>
 #include <numeric>
 #include <random>
 #include <string>
-#include <thread>
 #include <vector>
 
+#include "tests/support/cancel_probe.h"
 #include "tests/support/seed.h"
 
 namespace kdray::core {
@@ -350,14 +348,6 @@ TEST(PolygonCutter, StopsWhenAsked) {
   EXPECT_EQ(status.error().code, ErrorCode::kCancelled);
 }
 
-double ThreadSeconds(pthread_t thread) {
-  clockid_t clock;
-  timespec time;
-  if (pthread_getcpuclockid(thread, &clock) != 0 || clock_gettime(clock, &time) != 0) return NAN;
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
-// In the time of the thread's processor, which does not depend on what else the machine does.
 TEST(PolygonCutter, StopsWithinAQuarterOfASecondOfItsCancellation) {
   std::vector<Vec3d> near_line;  // every decision takes exact arithmetic
   std::mt19937_64 random = test::RandomEngine(24);
@@ -371,23 +361,16 @@ TEST(PolygonCutter, StopsWithinAQuarterOfASecondOfItsCancellation) {
        {near_line, Scribble(65536, 25), Scribble(256, 26), InPlaneZ(RegularPath(3000000, 1))}) {
     std::vector<std::uint32_t> corners(path.size());
     std::iota(corners.begin(), corners.end(), 0u);
-    const CancelToken cancel = CancelToken::Cancellable();
     MeshData data;
     data.vertices = path;
-    PolygonCutter cutter(&data, cancel);
-    const pthread_t self = pthread_self();
-    double cancelled_at = 0;
-    std::thread canceller([&] {
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
-      cancelled_at = ThreadSeconds(self);
-      cancel.Cancel();
-    });
-    Status status;
-    while ((status = cutter.Add(corners)).ok()) data.triangles.clear();
-    const double ended_at = ThreadSeconds(self);
-    canceller.join();
-    EXPECT_EQ(status.error().code, ErrorCode::kCancelled);
-    EXPECT_LT(ended_at - cancelled_at, 0.25);
+    const auto cut_again_and_again = [&](const CancelToken& cancel) {
+      PolygonCutter cutter(&data, cancel);
+      Status status;
+      while ((status = cutter.Add(corners)).ok()) data.triangles.clear();
+      return status;
+    };
+    test::ExpectPrompt(test::CancelDuring(std::chrono::milliseconds(20), cut_again_and_again),
+                       "a polygon of " + std::to_string(path.size()) + " corners");
   }
 }
 

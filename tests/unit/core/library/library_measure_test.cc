@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "tests/support/wait_until.h"
 #include "tests/unit/core/library/library_fixture.h"
 
 namespace kdray::core {
@@ -49,7 +50,7 @@ class LibraryMeasureTest : public test::LibraryTest {
     const auto running = std::make_shared<std::atomic<bool>>(false);
     options.is_disturbed = [running] { return *running = true; };
     ASSERT_TRUE(library_->Measure(id, options).ok());
-    while (!*running) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    ASSERT_TRUE(test::WaitUntil([&] { return running->load(); }, std::chrono::minutes(2)));
   }
 };
 

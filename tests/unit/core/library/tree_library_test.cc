@@ -12,6 +12,7 @@
 
 #include "core/library/parse_mesh.h"
 #include "tests/support/seed.h"
+#include "tests/support/wait_until.h"
 #include "tests/unit/core/library/library_fixture.h"
 
 namespace kdray::test {
@@ -267,11 +268,8 @@ TEST_F(TreeLibraryTest, AProblemIsForgottenAfterItsTime) {
   const auto added = Upload(library_.get(), Bytes("no mesh"));
   ASSERT_TRUE(added.ok());
   EXPECT_EQ(library_->Load(added->id, Soon()).error().code, ErrorCode::kUnsupportedMeshFormat);
-  const auto deadline = steady_clock::now() + std::chrono::minutes(1);
-  while (CodeOfFind(added->id) != ErrorCode::kNotFound && steady_clock::now() < deadline) {
-    std::this_thread::sleep_for(milliseconds(5));
-  }
-  EXPECT_EQ(CodeOfFind(added->id), ErrorCode::kNotFound);
+  EXPECT_TRUE(test::WaitUntil([&] { return CodeOfFind(added->id) == ErrorCode::kNotFound; },
+                              std::chrono::minutes(1)));
 }
 
 // A library whose memory is just what the build of a large mesh needs: while anybody holds the
