@@ -307,10 +307,8 @@ class OffReader {
         const std::string_view word = NextWordOfRow();
         const std::optional<std::int64_t> index = ParseCount(word);
         if (!index) return Broken(WhyNotInteger(word));
-        if (*index < 0 || std::cmp_greater_equal(*index, data_.vertices.size())) {
-          return Broken("vertex " + std::to_string(*index) + " does not exist; the file has " +
-                        std::to_string(data_.vertices.size()) + ", counted from 0");
-        }
+        if (!IsVertexIndex(*index, data_.vertices.size()))
+          return Broken(WhyNotVertexIndex(*index, data_.vertices.size()));
         corners_.push_back(static_cast<std::uint32_t>(*index));
         if (cancel_.Spend(64)) return cancel_.ToError();
       }

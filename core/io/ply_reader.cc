@@ -350,10 +350,8 @@ class BodyReader {
   }
 
   bool CheckIndex(std::int64_t index) {
-    if (index >= 0 && std::cmp_less(index, data_.vertices.size())) return true;
-    return body_.Fail({ErrorCode::kInvalidMesh,
-                       "vertex " + std::to_string(index) + " does not exist; the file has " +
-                           std::to_string(data_.vertices.size()) + ", counted from 0"});
+    if (IsVertexIndex(index, data_.vertices.size())) return true;
+    return body_.Fail({ErrorCode::kInvalidMesh, WhyNotVertexIndex(index, data_.vertices.size())});
   }
 
   const PlyHeader& header_;

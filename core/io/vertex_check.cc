@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cstdint>
 
 #include "core/base/cancel_poll.h"
 #include "core/io/mesh_error.h"
@@ -26,6 +25,11 @@ std::string WhyNotVertex(const MeshData& data, std::size_t vertex) {
   const int axis = InvalidAxis(v);
   return std::string(1, "xyz"[axis]) + " of vertex " + std::to_string(vertex + 1) +
          " (counted from 1), which a face uses: " + WhyNotCoordinate(v[axis]);
+}
+
+std::string WhyNotVertexIndex(std::int64_t index, std::size_t vertices) {
+  return "vertex " + std::to_string(index) + " does not exist; the file has " +
+         std::to_string(vertices) + ", counted from 0";
 }
 
 Result<std::optional<std::size_t>> FindInvalidVertex(const MeshData& data,
