@@ -34,7 +34,6 @@ struct BoxList {
   /// As KdTree::Cells.
   Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit,
                                       const CancelToken& cancel = {}) const;
-  Status Validate(std::size_t triangle_count) const;  ///< as KdTree::Validate
 };
 
 }  // namespace kdray::core

@@ -6,57 +6,6 @@
 
 namespace kdray::core {
 
-namespace {
-
-Error Corrupt(std::size_t node, const char* what) {
-  return {ErrorCode::kCorrupt, "bvh node " + std::to_string(node) + ": " + what};
-}
-
-}  // namespace
-
-Status Bvh::Validate(std::size_t triangle_count) const {
-  for (const PrimitiveId id : primitives) {
-    if (id >= triangle_count) {
-      return Error{ErrorCode::kCorrupt, "the bvh names triangle " + std::to_string(id) + " of " +
-                                            std::to_string(triangle_count)};
-    }
-  }
-  if (nodes.empty()) return {};
-
-  // The layout is depth first: the first child comes next, the second after the whole first
-  // subtree.
-  struct PendingSecond {
-    std::uint32_t node;
-    int depth;
-  };
-  std::vector<PendingSecond> pending;
-  int depth = 0;
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
-    const BvhNode& node = nodes[i];
-    if (node.bounds.IsEmpty() || !IsFinite(node.bounds.Extent())) {
-      return Corrupt(i, "its bounds are invalid");
-    }
-    if (!node.IsLeaf()) {
-      if (++depth > kMaxDepth) return Corrupt(i, "too deep");
-      pending.push_back({node.offset, depth});
-      continue;
-    }
-    if (std::uint64_t{node.offset} + node.primitive_count > primitives.size()) {
-      return Corrupt(i, "the leaf reaches beyond the last primitive");
-    }
-    if (pending.empty()) {
-      if (i + 1 != nodes.size()) return Corrupt(i + 1, "belongs to no parent");
-      return {};
-    }
-    if (pending.back().node != i + 1) {
-      return Corrupt(i + 1, "is not the second child that its parent names");
-    }
-    depth = pending.back().depth;
-    pending.pop_back();
-  }
-  return Error{ErrorCode::kCorrupt, "the bvh ends within a node's children"};
-}
-
 Result<std::vector<TreeCell>> Bvh::Cells(std::uint32_t depth, std::size_t limit,
                                          const CancelToken& cancel) const {
   struct Entry {

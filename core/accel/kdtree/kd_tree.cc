@@ -1,65 +1,11 @@
 #include "core/accel/kdtree/kd_tree.h"
 
-#include <cmath>
 #include <string>
 
 #include "core/accel/kdtree/split.h"
 #include "core/base/cancel_poll.h"
 
 namespace kdray::core {
-
-namespace {
-
-// An entry of the stack that walks KdTree::nodes, one per level: a node's below child comes next,
-// its above child after the whole below subtree.
-struct PendingAbove {
-  std::uint32_t node;
-  std::uint32_t depth;
-};
-
-Error Corrupt(std::size_t node, const char* what) {
-  return {ErrorCode::kCorrupt, "kd-tree node " + std::to_string(node) + ": " + what};
-}
-
-}  // namespace
-
-Status KdTree::Validate(std::size_t triangle_count) const {
-  const Vec3f sizes = bounds.Extent();
-  const bool no_triangles = bounds == Bounds3f::Empty();
-  if (!no_triangles && (bounds.IsEmpty() || !IsFinite(sizes))) {
-    return Error{ErrorCode::kCorrupt, "the bounds of the kd-tree are invalid"};
-  }
-  for (const PrimitiveId id : primitives) {
-    if (id >= triangle_count) {
-      return Error{ErrorCode::kCorrupt, "the kd-tree names triangle " + std::to_string(id) +
-                                            " of " + std::to_string(triangle_count)};
-    }
-  }
-
-  std::vector<PendingAbove> pending;
-  std::uint32_t depth = 0;
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
-    const KdNode& node = nodes[i];
-    if (!node.IsLeaf()) {
-      if (!std::isfinite(node.split())) return Corrupt(i, "the split plane is not finite");
-      if (++depth > static_cast<std::uint32_t>(kMaxDepth)) return Corrupt(i, "too deep");
-      pending.push_back({node.above_child(), depth});
-      continue;
-    }
-    const std::uint64_t end = std::uint64_t{node.first_primitive()} + node.primitive_count();
-    if (end > primitives.size()) return Corrupt(i, "the leaf reaches beyond the last primitive");
-    if (pending.empty()) {
-      if (i + 1 != nodes.size()) return Corrupt(i + 1, "belongs to no parent");
-      return {};
-    }
-    if (pending.back().node != i + 1) {
-      return Corrupt(i + 1, "is not the above child that its parent names");
-    }
-    depth = pending.back().depth;
-    pending.pop_back();
-  }
-  return Error{ErrorCode::kCorrupt, "the kd-tree ends within a node's children"};
-}
 
 Result<std::vector<TreeCell>> KdTree::Cells(std::uint32_t depth, std::size_t limit,
                                             const CancelToken& cancel) const {

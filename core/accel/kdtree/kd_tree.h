@@ -23,7 +23,6 @@ namespace kdray::core {
 /// Immutable once built; safe from many threads at once. Coordinates are the mesh's local ones.
 struct KdTree {
   /// The largest depth: builders stop there, and the traversal's stack has one entry per level.
-  /// Validate checks it.
   static constexpr int kMaxDepth = 64;
 
   Bounds3f bounds =
@@ -56,11 +55,6 @@ struct KdTree {
   /// than `limit`. Errors: kCancelled, kDeadlineExceeded. O(nodes).
   Result<std::vector<TreeCell>> Cells(std::uint32_t depth, std::size_t limit,
                                       const CancelToken& cancel = {}) const;
-
-  /// kCorrupt unless every index is in range, no primitive is >= triangle_count, children follow
-  /// their parents and the depth is at most kMaxDepth: what a traversal relies on. For trees read
-  /// from disk.
-  Status Validate(std::size_t triangle_count) const;
 };
 
 template <class Visit, class OnNode>

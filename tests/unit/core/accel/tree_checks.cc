@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <random>
+#include <span>
 #include <vector>
 
 #include "tests/support/seed.h"
@@ -97,6 +99,44 @@ void CheckAll(const TriangleMesh& mesh, const Reached& reached) {
   }
 }
 
+void CheckPrimitives(std::span<const PrimitiveId> primitives, std::size_t triangle_count) {
+  for (const PrimitiveId id : primitives) ASSERT_LT(id, triangle_count);
+}
+
+void CheckBox(const Bounds3f& box) {
+  ASSERT_FALSE(box.IsEmpty());
+  ASSERT_TRUE(IsFinite(box.Extent()));
+}
+
+// A node's first child comes next, its second after the whole subtree of the first.
+// second_child(node) of an interior node; end(node) of a leaf is where its primitives end.
+template <class Node, class SecondChild, class End>
+void CheckDepthFirst(std::span<const Node> nodes, int max_depth, std::size_t primitives,
+                     const SecondChild& second_child, const End& end) {
+  struct PendingSecond {
+    std::uint32_t node;
+    int depth;
+  };
+  std::vector<PendingSecond> pending;
+  int depth = 0;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (!nodes[i].IsLeaf()) {
+      ASSERT_LE(++depth, max_depth) << "node " << i;
+      pending.push_back({second_child(nodes[i]), depth});
+      continue;
+    }
+    ASSERT_LE(end(nodes[i]), primitives) << "leaf " << i;
+    if (pending.empty()) {
+      ASSERT_EQ(i + 1, nodes.size()) << "nodes without a parent";
+      return;
+    }
+    ASSERT_EQ(pending.back().node, i + 1) << "the second child of its parent";
+    depth = pending.back().depth;
+    pending.pop_back();
+  }
+  FAIL() << "the tree ends within a node's children";
+}
+
 }  // namespace
 
 void CheckReachability(const core::KdTree& tree, const TriangleMesh& mesh) {
@@ -115,6 +155,34 @@ void CheckReachability(const core::BoxList& tree, const TriangleMesh& mesh) {
   CheckAll(mesh, [&](const Sample& sample, PrimitiveId id) {
     return Contains(tree.bounds, sample) && std::ranges::binary_search(tree.primitives, id);
   });
+}
+
+void CheckLayout(const core::KdTree& tree, std::size_t triangle_count) {
+  if (tree.bounds != Bounds3f::Empty()) CheckBox(tree.bounds);
+  CheckPrimitives(tree.primitives, triangle_count);
+  for (const KdNode& node : tree.nodes)
+    if (!node.IsLeaf()) ASSERT_TRUE(std::isfinite(node.split()));
+  CheckDepthFirst(
+      std::span<const KdNode>(tree.nodes), core::KdTree::kMaxDepth, tree.primitives.size(),
+      [](const KdNode& node) { return node.above_child(); },
+      [](const KdNode& node) {
+        return std::uint64_t{node.first_primitive()} + node.primitive_count();
+      });
+}
+
+void CheckLayout(const core::Bvh& tree, std::size_t triangle_count) {
+  CheckPrimitives(tree.primitives, triangle_count);
+  if (tree.nodes.empty()) return;
+  for (const BvhNode& node : tree.nodes) CheckBox(node.bounds);
+  CheckDepthFirst(
+      std::span<const BvhNode>(tree.nodes), core::Bvh::kMaxDepth, tree.primitives.size(),
+      [](const BvhNode& node) { return node.offset; },
+      [](const BvhNode& node) { return std::uint64_t{node.offset} + node.primitive_count; });
+}
+
+void CheckLayout(const core::BoxList& tree, std::size_t triangle_count) {
+  if (tree.bounds != Bounds3f::Empty()) CheckBox(tree.bounds);
+  CheckPrimitives(tree.primitives, triangle_count);
 }
 
 }  // namespace kdray::test

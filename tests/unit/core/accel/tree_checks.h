@@ -1,6 +1,8 @@
 // Checks of finished trees against the mesh, by walking them in the plainest way.
 #pragma once
 
+#include <cstddef>
+
 #include "core/accel/box/box_list.h"
 #include "core/accel/bvh/bvh.h"
 #include "core/accel/kdtree/kd_tree.h"
@@ -14,5 +16,11 @@ namespace kdray::test {
 void CheckReachability(const core::KdTree& tree, const core::TriangleMesh& mesh);
 void CheckReachability(const core::Bvh& tree, const core::TriangleMesh& mesh);
 void CheckReachability(const core::BoxList& tree, const core::TriangleMesh& mesh);
+
+/// Expects what traversals and Collapse() rely on: every index is in range, children follow their
+/// parents depth first, planes and boxes are finite, and the depth is at most kMaxDepth.
+void CheckLayout(const core::KdTree& tree, std::size_t triangle_count);
+void CheckLayout(const core::Bvh& tree, std::size_t triangle_count);
+void CheckLayout(const core::BoxList& tree, std::size_t triangle_count);
 
 }  // namespace kdray::test

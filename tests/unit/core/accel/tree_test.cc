@@ -70,7 +70,7 @@ TEST(BuildTree, HoldsWhatTraversalReliesOnForEveryBuildAndMesh) {
       EXPECT_TRUE(tree->wide.Validate(mesh.triangle_count()).ok());
       std::visit(
           [&](const auto& structure) {
-            EXPECT_TRUE(structure.Validate(mesh.triangle_count()).ok());
+            CheckLayout(structure, mesh.triangle_count());
             CheckReachability(structure, mesh);
           },
           *tree->Binary(mesh).value());
