@@ -17,7 +17,7 @@
 
 namespace kdray::core {
 
-/// Only bookkeeping: TreeLibrary does the work and has the files. Safe from many threads at once.
+/// Only bookkeeping: Measurer does the work and has the files. Safe from many threads at once.
 class Measurements {
  public:
   /// A running measurement, independent of those who wait for it.

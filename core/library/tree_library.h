@@ -1,22 +1,15 @@
 // The trees of one data directory by their ids: uploads, builds, memory, disk, deletion. Core's
-// interface for a server, independent of the protocol.
+// interface for a server, independent of the protocol. It only connects its parts: the state is in
+// tree_registry.h, the work in mesh_intake.h, tree_builder.h, scene_loader.h, tree_remover.h,
+// binary_rebuilder.h and measurer.h.
 #pragma once
 
-#include <array>
-#include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
-#include <functional>
-#include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
-#include <set>
-#include <span>
-#include <string>
 #include <vector>
 
 #include "core/base/cancel.h"
@@ -25,12 +18,17 @@
 #include "core/catalog/tree_id.h"
 #include "core/library/binary_rebuilder.h"
 #include "core/library/measurements.h"
+#include "core/library/measurer.h"
 #include "core/library/memory_budget.h"
-#include "core/library/scene_source.h"
+#include "core/library/mesh_intake.h"
+#include "core/library/mesh_locks.h"
+#include "core/library/scene_loader.h"
+#include "core/library/tree_builder.h"
 #include "core/library/tree_cache.h"
+#include "core/library/tree_registry.h"
+#include "core/library/tree_remover.h"
 #include "core/library/work_queue.h"
 #include "core/scene/scene.h"
-#include "core/store/catalog.h"
 #include "core/store/scene_store.h"
 
 namespace kdray::core {
@@ -46,13 +44,6 @@ struct LibraryOptions {
   std::chrono::milliseconds retry_after{std::chrono::seconds(10)};
 };
 
-/// A tree's description.
-struct TreeInfo {
-  TreeRecord record;  ///< `tree` is set exactly if it is ready
-  double progress = 0;
-  bool ready() const { return record.tree.has_value(); }
-};
-
 struct LibraryCounters {
   std::uint64_t parses = 0, builds = 0, loads = 0, rebuilds = 0;
   std::uint64_t binary_rebuilds = 0;  ///< BinaryRebuilder
@@ -63,7 +54,7 @@ struct LibraryCounters {
 };
 
 /// Every method is safe from many threads at once. All methods that take an id may return
-/// kNotFound, or the error of its failed build (those of SceneSource::Fetch).
+/// kNotFound, or the error of its failed build (those of SceneLoader::Load).
 class TreeLibrary {
  public:
   /// Reads the stored records and resumes interrupted builds. A build that two starts resumed, and
@@ -73,26 +64,13 @@ class TreeLibrary {
   static Result<std::unique_ptr<TreeLibrary>> Open(const LibraryOptions& options);
   ~TreeLibrary();
 
-  /// An unfinished upload; the destructor removes it. For one thread at a time. The library must
-  /// outlive it.
-  class Upload {
-   public:
-    Status Append(std::span<const std::byte> bytes) { return file_.Append(bytes); }
-
-   private:
-    friend class TreeLibrary;
-    explicit Upload(NewMesh file) : file_(std::move(file)) {}
-    NewMesh file_;
-  };
+  using Upload = MeshUpload;
   /// `bytes` is the declared size. It reserves no memory, and no file is evicted for it.
   /// kMeshTooLarge if such a mesh exceeds a limit; kMemoryFull if running builds leave no memory
   /// for it now; kStoreFull if the disk has no room.
   Result<Upload> BeginUpload(std::uint64_t bytes);
 
-  struct Added {
-    TreeId id;
-    bool existed = false;
-  };
+  using Added = MeshIntake::Added;
   /// When this returns, mesh and record are durable, and the build is running or done. Under a
   /// store limit other meshes may be evicted for it, least recently used first. kEmptyMesh without
   /// a byte; kMemoryFull if running builds leave no memory for it; kStoreFull; kIo.
@@ -112,13 +90,8 @@ class TreeLibrary {
   /// TraceCostly). Errors besides: those of BinaryRebuilder::Ensure.
   Result<Scene> LoadWithBinary(const TreeId& id, const CancelToken& cancel);
 
-  /// A position in the list: newest first, at equal time by id.
-  struct Position {
-    std::int64_t created_ms = 0;
-    TreeId id;
-    friend auto operator<=>(const Position&, const Position&) = default;
-  };
-  /// At most `limit` trees after `after`, of one mesh or of all.
+  using Position = TreePosition;
+  /// At most `limit` of those after `after`, of one mesh or of all.
   std::vector<TreeInfo> List(const std::optional<Sha256Digest>& mesh,
                              const std::optional<Position>& after, std::size_t limit);
 
@@ -152,20 +125,6 @@ class TreeLibrary {
   void Shutdown();
 
  private:
-  struct Flight;
-  struct Failure {
-    Error error;
-    std::chrono::steady_clock::time_point until;
-  };
-  struct Entry {
-    TreeRecord record;
-    bool is_new = false;             // created since Open: an invalid mesh may be dropped
-    bool is_in_doubt = false;        // the disk failed: the record may be missing, or not durable
-    std::shared_ptr<Flight> flight;  // the running load or build, if any
-    std::optional<Failure> failure;  // of work that may succeed next time
-  };
-  using Entries = std::map<TreeId, Entry>;
-
   // Short jobs that requests wait for, and builds; each build uses the whole arena.
   static constexpr int kLoadThreads = 2;
   static constexpr int kBuildThreads = 2;
@@ -173,78 +132,22 @@ class TreeLibrary {
   static constexpr int kAsideThreads = 32;
 
   TreeLibrary(const LibraryOptions& options, std::unique_ptr<SceneStore> store);
-  void Adopt(SceneStore::Contents contents);
-  Result<DiskRoom> MakeRoom(std::uint64_t bytes);
-  bool IsStored(const Sha256Digest& mesh, std::uint64_t bytes);
-  Error TooLargeForStore(std::uint64_t bytes) const;
-  std::uint64_t UsualPrepareBytes(std::uint64_t mesh_bytes) const;
-  Result<MemoryCharge> Pledge(const TreeId& id, std::uint64_t mesh_bytes);
-  Result<Added> Add(const TreeId& id, std::uint64_t mesh_bytes, MemoryCharge pledge);
-  Result<Added> AddAgain(const TreeId& id, MemoryCharge pledge);
-  Status RemoveRecord(const TreeId& id);
-  Status DropMesh(const Sha256Digest& mesh);
-  Status DropUnrecordedMesh(const Sha256Digest& mesh);
-  void GiveUpAdding(const TreeId& id) noexcept;
-  void ForgetIfUnused(const Sha256Digest& mesh) noexcept;
-  void ForgetAndRemoveFiles(const TreeId& id, Error error) noexcept;
-  Status RemoveUnusedMesh(const Sha256Digest& mesh);
-  std::mutex& MeshMutex(const Sha256Digest& mesh) {
-    return mesh_mutexes_[mesh.bytes[0] % mesh_mutexes_.size()];
-  }
+  std::optional<Scene> FindInMemory(const Sha256Digest& mesh, BuildKind build);
 
-  // With mutex_ held:
-  Result<Entry*> FindLocked(const TreeId& id);
-  Entries::iterator FirstOf(const Sha256Digest& mesh);  // of the mesh's ids, or end()
-  bool HasMesh(const Sha256Digest& mesh);
-  bool IsWanted(const Sha256Digest& mesh, BuildKind build);  // by any id
-  std::optional<Scene> FindInMemory(const Entry& entry);
-  std::optional<Error> EnsureFlight(Entry* entry);  // the error if there cannot be one
-  void StartFlight(Entry* entry, MemoryCharge pledge, bool is_resumed = false);
-  static void Land(Entry* entry, std::optional<Error> error) noexcept;
-  Entry* EntryOf(const Flight& flight);
-  void MakeWayForFailure();
-  static TreeInfo InfoOf(const Entry& entry);
-  static std::optional<BuildKind> BuildOf(const TreeRecord& record);
-
-  // The worker's side:
-  void Fly(const std::shared_ptr<Flight>& flight) noexcept;
-  void FlyNow(const std::shared_ptr<Flight>& flight);
-  bool CountResume(Flight* flight);
-  void UncountResume(const TreeId& id);
-  void GiveUp(Flight* flight, Error error) noexcept;
-  void EraseUnwanted(const Sha256Digest& mesh) noexcept;
-  bool Succeed(Flight* flight, const SceneSource::Fetched& fetched);
-  void Persist(const TreeRecord& before, const SceneSource::Fetched& fetched);
-  bool MayStore(const Sha256Digest& mesh, BuildKind build);
-  void Fail(Flight* flight, const Error& error);
-  void RunMeasuring(const TreeId& id, const std::shared_ptr<Measurements::Task>& task,
-                    const TradeoffOptions& options) noexcept;
-  Result<MeasuredTradeoff> MeasureNow(const TreeId& id, TradeoffOptions options,
-                                      Measurements::Task* task);
-
-  const LibraryOptions options_;
   std::unique_ptr<SceneStore> store_;
   MemoryBudget budget_;
-  MemoryBudget pledges_;  // memory that running builds will need
   TreeCache cache_;
   Arena arena_;
-  SceneSource source_;
-  BinaryRebuilder binary_rebuilder_;
+  MeshLocks mesh_locks_;
+  TreeRegistry registry_;
   Measurements measurements_;
-
-  // Held while a mesh's files are written or removed; always locked before mutex_.
-  std::array<std::mutex, 64> mesh_mutexes_;
-
-  mutable std::mutex mutex_;  // guards what follows; never held during disk work
-  Entries entries_;
-  std::set<Position, std::greater<>> by_age_;
-  std::map<TreeId, Failure> failures_;  // of deleted ids
-  std::set<Sha256Digest> damaged_meshes_;
-  bool shut_down_ = false;
-  std::chrono::steady_clock::time_point store_until_;  // once shut down
-  std::uint64_t rebuilds_ = 0;
-
-  WorkQueue queue_;  // last: its threads use all of the above
+  SceneLoader loader_;
+  TreeRemover remover_;
+  MeshIntake intake_;
+  BinaryRebuilder binary_rebuilder_;
+  WorkQueue queue_;
+  TreeBuilder builder_;
+  Measurer measurer_;
 };
 
 }  // namespace kdray::core

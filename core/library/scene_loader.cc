@@ -1,4 +1,4 @@
-#include "core/library/scene_source.h"
+#include "core/library/scene_loader.h"
 
 #include <algorithm>
 #include <chrono>
@@ -13,18 +13,18 @@ namespace kdray::core {
 
 // One attempt with the available memory. An attempt that needs more says how much and holds nothing
 // when it returns, so waiting for memory cannot deadlock.
-class SceneSource::Attempt {
+class SceneLoader::Attempt {
  public:
-  Attempt(SceneSource* source, const TreeRecord& record, Watch* watch, MemoryCharge charge)
-      : source_(source), record_(record), watch_(watch), charge_(std::move(charge)) {}
+  Attempt(SceneLoader* loader, const TreeRecord& record, LoadWatch* watch, MemoryCharge charge)
+      : loader_(loader), record_(record), watch_(watch), charge_(std::move(charge)) {}
 
-  Result<Fetched> Run(const std::function<void(const MeshFacts&)>& on_mesh) {
+  Result<LoadedScene> Run(const std::function<void(const MeshFacts&)>& on_mesh) {
     if (Status status = FetchMesh(); !status.ok()) return std::move(status).error();
     watch_->parsed = true;
-    on_mesh(fetched_.prepared->facts);
+    on_mesh(loaded_.prepared->facts);
     if (Status status = FetchTree(); !status.ok()) return std::move(status).error();
     watch_->build_progress.Finish();
-    return std::move(fetched_);
+    return std::move(loaded_);
   }
 
   /// The memory for the whole work, if Run failed with kMemoryFull; else 0.
@@ -42,23 +42,23 @@ class SceneSource::Attempt {
 
   Status FetchMesh() {
     const Sha256Digest& digest = record_.id.mesh;
-    fetched_.prepared = source_->cache_->FindMesh(digest);
-    if (fetched_.prepared == nullptr) {
+    loaded_.prepared = loader_->cache_->FindMesh(digest);
+    if (loaded_.prepared == nullptr) {
       Result<PreparedMesh> prepared = ReadPrepared();
       if (!prepared.ok()) {
         if (needed_ != 0 || watch_->cancel.ShouldStop()) return std::move(prepared).error();
         prepared = Parse();
-        fetched_.was_parsed = prepared.ok();
+        loaded_.was_parsed = prepared.ok();
       }
       if (!prepared.ok()) return std::move(prepared).error();
       const std::uint64_t bytes = prepared->facts.memory_bytes;
       if (Status status = Need(bytes); !status.ok()) return status;
       charged_to_mesh_ = bytes;
-      fetched_.prepared =
-          source_->cache_->InsertMesh(digest, *std::move(prepared), charge_.Split(bytes));
+      loaded_.prepared =
+          loader_->cache_->InsertMesh(digest, *std::move(prepared), charge_.Split(bytes));
     }
-    fetched_.scene.mesh =
-        std::shared_ptr<const TriangleMesh>(fetched_.prepared, &fetched_.prepared->mesh);
+    loaded_.scene.mesh =
+        std::shared_ptr<const TriangleMesh>(loaded_.prepared, &loaded_.prepared->mesh);
     return {};
   }
 
@@ -66,10 +66,10 @@ class SceneSource::Attempt {
     // An expected file is read even if it is missing, so its loss is detected.
     const std::uint64_t expected = record_.mesh ? record_.mesh->memory_bytes : 0;
     const std::uint64_t bytes =
-        std::max(expected, source_->store_->PreparedFileBytes(record_.id.mesh));
+        std::max(expected, loader_->store_->PreparedFileBytes(record_.id.mesh));
     if (bytes == 0) return Error{ErrorCode::kNotFound, "not parsed yet"};
     if (Status status = Need(bytes); !status.ok()) return std::move(status).error();
-    return source_->store_->ReadPrepared(record_.id.mesh, watch_->cancel);
+    return loader_->store_->ReadPrepared(record_.id.mesh, watch_->cancel);
   }
 
   Result<PreparedMesh> Parse() {
@@ -77,12 +77,12 @@ class SceneSource::Attempt {
       return std::move(status).error();
     }
     Result<std::vector<std::byte>> bytes =
-        source_->store_->ReadMesh(record_.id.mesh, watch_->cancel);
+        loader_->store_->ReadMesh(record_.id.mesh, watch_->cancel);
     if (!bytes.ok()) return std::move(bytes).error();
-    ++source_->parses_;
+    ++loader_->parses_;
     const auto on_counts = [&](const MeshCounts& counts) { return NeedForParsing(counts); };
     std::optional<Result<PreparedMesh>> prepared;
-    source_->arena_->Run(
+    loader_->arena_->Run(
         [&] { prepared = PrepareMesh(*std::move(bytes), watch_->cancel, on_counts); });
     return *std::move(prepared);
   }
@@ -90,53 +90,53 @@ class SceneSource::Attempt {
   // The counts of the file are known; no memory is allocated for them yet.
   Status NeedForParsing(const MeshCounts& counts) {
     const std::uint64_t bytes = PreparePeakBytes(record_.mesh_bytes, counts);
-    if (Status status = source_->budget_->CheckCouldFit(bytes); !status.ok()) return status;
+    if (Status status = loader_->budget_->CheckCouldFit(bytes); !status.ok()) return status;
     return Need(bytes);
   }
 
   Status FetchTree() {
-    const MeshFacts& mesh = fetched_.prepared->facts;
+    const MeshFacts& mesh = loaded_.prepared->facts;
     const BuildKind build =
         record_.id.build.value_or(AutoBuildKind(static_cast<std::size_t>(mesh.triangles)));
-    std::shared_ptr<const Tree> tree = source_->cache_->FindTree(record_.id.mesh, build);
+    std::shared_ptr<const Tree> tree = loader_->cache_->FindTree(record_.id.mesh, build);
     if (tree == nullptr) {
       Result<Tree> made = ReadTree(build);
       if (made.ok()) {
-        ++source_->loads_;
+        ++loader_->loads_;
       } else {
         if (needed_ != 0 || watch_->cancel.ShouldStop()) return std::move(made).error();
         made = Build(build);
-        fetched_.was_built = made.ok();
+        loaded_.was_built = made.ok();
       }
       if (!made.ok()) return std::move(made).error();
       const std::uint64_t bytes = made->most_bytes();
       if (Status status = Need(bytes); !status.ok()) return status;
-      tree = source_->cache_->InsertTree(record_.id.mesh, *std::move(made), charge_.Split(bytes));
+      tree = loader_->cache_->InsertTree(record_.id.mesh, *std::move(made), charge_.Split(bytes));
     }
-    fetched_.tree.build = build;
-    fetched_.tree.stats = tree->stats;
-    if (!fetched_.was_built && record_.tree) fetched_.tree.build_ms = record_.tree->build_ms;
-    fetched_.scene.tree = std::move(tree);
+    loaded_.tree.build = build;
+    loaded_.tree.stats = tree->stats;
+    if (!loaded_.was_built && record_.tree) loaded_.tree.build_ms = record_.tree->build_ms;
+    loaded_.scene.tree = std::move(tree);
     return {};
   }
 
   Result<Tree> ReadTree(BuildKind build) {
-    const std::uint64_t bytes = source_->store_->TreeFileBytes(record_.id.mesh, build);
+    const std::uint64_t bytes = loader_->store_->TreeFileBytes(record_.id.mesh, build);
     // The file is missing: reading it distinguishes a lost file from a damaged one.
     if (Status status = Need(bytes); !status.ok()) return std::move(status).error();
-    return source_->store_->ReadTree(
-        {record_.id.mesh, fetched_.scene.mesh->triangle_count(), build}, watch_->cancel);
+    return loader_->store_->ReadTree({record_.id.mesh, loaded_.scene.mesh->triangle_count(), build},
+                                     watch_->cancel);
   }
 
   Result<Tree> Build(BuildKind build) {
-    const TriangleMesh& mesh = *fetched_.scene.mesh;
+    const TriangleMesh& mesh = *loaded_.scene.mesh;
     if (Status status = Need(EstimateBuildBytes(mesh.triangle_count(), build)); !status.ok()) {
       return std::move(status).error();
     }
-    ++source_->builds_;
+    ++loader_->builds_;
     const auto start = std::chrono::steady_clock::now();
     std::optional<Result<BinaryTree>> binary;
-    source_->arena_->Run([&] {
+    loader_->arena_->Run([&] {
       binary = BuildBinaryTree(mesh, build, BuildOptions{watch_->cancel, &watch_->build_progress});
     });
     if (!binary->ok()) return (*binary).error();
@@ -144,23 +144,24 @@ class SceneSource::Attempt {
       return std::move(status).error();
     }
     std::optional<Result<Tree>> tree;
-    source_->arena_->Run([&] { tree = FinishTree(mesh, build, **binary, watch_->cancel); });
-    fetched_.tree.build_ms =
+    loader_->arena_->Run([&] { tree = FinishTree(mesh, build, **binary, watch_->cancel); });
+    loaded_.tree.build_ms =
         std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     return *std::move(tree);
   }
 
-  SceneSource* source_;
+  SceneLoader* loader_;
   const TreeRecord& record_;
-  Watch* watch_;
+  LoadWatch* watch_;
   MemoryCharge charge_;
   const std::uint64_t granted_ = charge_.bytes();
   std::uint64_t charged_to_mesh_ = 0;
   std::uint64_t needed_ = 0;
-  Fetched fetched_;
+  LoadedScene loaded_;
 };
 
-Result<MemoryCharge> SceneSource::Reserve(std::uint64_t bytes, Watch* watch, const Hooks& hooks) {
+Result<MemoryCharge> SceneLoader::Reserve(std::uint64_t bytes, LoadWatch* watch,
+                                          const Hooks& hooks) {
   if (Status status = budget_->CheckCouldFit(bytes); !status.ok()) return std::move(status).error();
   if (std::optional<MemoryCharge> charge = budget_->TryReserve(bytes)) return *std::move(charge);
   const std::optional<WorkQueue::Aside> aside = hooks.step_aside();
@@ -170,16 +171,16 @@ Result<MemoryCharge> SceneSource::Reserve(std::uint64_t bytes, Watch* watch, con
   return budget_->Reserve(bytes, watch->cancel, &watch->waits_for_memory);
 }
 
-Result<SceneSource::Fetched> SceneSource::Fetch(const TreeRecord& record, Watch* watch,
-                                                const Hooks& hooks) {
+Result<LoadedScene> SceneLoader::Load(const TreeRecord& record, LoadWatch* watch,
+                                      const Hooks& hooks) {
   std::uint64_t needed = 0;
   try {
     for (;;) {
       Result<MemoryCharge> charge = Reserve(needed, watch, hooks);
       if (!charge.ok()) return std::move(charge).error();
       Attempt attempt(this, record, watch, *std::move(charge));
-      Result<Fetched> fetched = attempt.Run(hooks.on_mesh);
-      if (fetched.ok() || attempt.needed() == 0) return fetched;
+      Result<LoadedScene> loaded = attempt.Run(hooks.on_mesh);
+      if (loaded.ok() || attempt.needed() == 0) return loaded;
       needed = std::max(needed + 1, attempt.needed());
     }
   } catch (const std::bad_alloc&) {
@@ -187,11 +188,11 @@ Result<SceneSource::Fetched> SceneSource::Fetch(const TreeRecord& record, Watch*
   }
 }
 
-void SceneSource::Store(const TreeId& id, const Fetched& fetched, const CancelToken& cancel) {
-  if (fetched.was_parsed) store_->WritePrepared(id.mesh, *fetched.prepared, cancel);
-  if (fetched.was_built) {
-    store_->WriteTree({id.mesh, fetched.scene.mesh->triangle_count(), fetched.tree.build},
-                      *fetched.scene.tree, cancel);
+void SceneLoader::Store(const TreeId& id, const LoadedScene& loaded, const CancelToken& cancel) {
+  if (loaded.was_parsed) store_->WritePrepared(id.mesh, *loaded.prepared, cancel);
+  if (loaded.was_built) {
+    store_->WriteTree({id.mesh, loaded.scene.mesh->triangle_count(), loaded.tree.build},
+                      *loaded.scene.tree, cancel);
   }
 }
 

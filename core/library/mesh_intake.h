@@ -1,0 +1,76 @@
+// Uploads, from the first byte of a mesh to the record of its tree.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <utility>
+
+#include "core/base/hash.h"
+#include "core/base/result.h"
+#include "core/catalog/tree_id.h"
+#include "core/library/memory_budget.h"
+#include "core/library/mesh_locks.h"
+#include "core/library/tree_registry.h"
+#include "core/library/tree_remover.h"
+#include "core/store/scene_store.h"
+
+namespace kdray::core {
+
+/// An unfinished upload; the destructor removes it. For one thread at a time. The library must
+/// outlive it.
+class MeshUpload {
+ public:
+  Status Append(std::span<const std::byte> bytes) { return file_.Append(bytes); }
+
+ private:
+  friend class MeshIntake;
+  explicit MeshUpload(NewMesh file) : file_(std::move(file)) {}
+  NewMesh file_;
+};
+
+/// Safe from many threads at once.
+class MeshIntake {
+ public:
+  /// All must outlive this.
+  struct Parts {
+    TreeRegistry* registry;
+    TreeRemover* remover;
+    SceneStore* store;
+    MeshLocks* mesh_locks;
+    const MemoryBudget* budget;
+  };
+  explicit MeshIntake(const Parts& parts)
+      : parts_(parts), admitted_builds_(parts.budget->limit()) {}
+
+  // As in TreeLibrary:
+  struct Added {
+    TreeId id;
+    bool existed = false;
+  };
+  Result<MeshUpload> BeginUpload(std::uint64_t bytes);
+  Result<Added> Finish(MeshUpload upload, std::optional<BuildKind> build);
+  Result<Added> AddBuild(const Sha256Digest& mesh, std::optional<BuildKind> build);
+
+ private:
+  Result<DiskRoom> MakeRoom(std::uint64_t bytes);
+  Status DropMesh(const Sha256Digest& mesh);
+  Status DropUnrecordedMesh(const Sha256Digest& mesh);
+  bool IsStored(const Sha256Digest& mesh, std::uint64_t bytes) const;
+  Error TooLargeForStore(std::uint64_t bytes) const;
+  std::uint64_t UsualPrepareBytes(std::uint64_t mesh_bytes) const;
+  Result<MemoryCharge> Admit(const TreeId& id, std::uint64_t mesh_bytes);
+  // The caller holds the mesh's lock, and its bytes are on disk:
+  Result<Added> Add(const TreeId& id, std::uint64_t mesh_bytes, MemoryCharge admission);
+  Result<Added> AddAgain(const TreeId& id, const TreeRegistry::Recorded& recorded,
+                         MemoryCharge admission);
+  void GiveUpAdding(const TreeId& id) noexcept;
+
+  const Parts parts_;
+  // The memory that running builds usually need. It limits the uploads that are accepted and holds
+  // no memory itself; builds reserve what they use in the library's budget.
+  MemoryBudget admitted_builds_;
+};
+
+}  // namespace kdray::core
