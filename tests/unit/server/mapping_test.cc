@@ -177,7 +177,7 @@ TEST(Plan, SaysStructureVerticesPrecisionAndWhatIsNotPromised) {
   core::TreeRecord record = ReadyRecord();
   std::string plan = DescribePlan(record);
   EXPECT_THAT(plan, HasSubstr("kd-tree"));
-  EXPECT_THAT(plan, HasSubstr("auto picks for 100 triangles"));
+  EXPECT_THAT(plan, HasSubstr("the choice of auto for 100 triangles"));
   EXPECT_THAT(plan, HasSubstr("floats (12 bytes)"));
   EXPECT_THAT(plan, HasSubstr("auto means watertight"));
   EXPECT_THAT(plan, HasSubstr("4 open and 5 non-manifold"));
