@@ -6,7 +6,7 @@
 
 namespace kdray::core {
 
-struct PreparedMesh {
+struct ParsedMesh {
   MeshFacts facts;
   TriangleMesh mesh;
 };

@@ -25,7 +25,7 @@ struct LoadWatch {
 /// A scene in memory, and how it came there.
 struct LoadedScene {
   Scene scene;
-  std::shared_ptr<const PreparedMesh> prepared;
+  std::shared_ptr<const ParsedMesh> parsed;
   TreeFacts tree;
   bool was_parsed = false;  ///< not read from a stored file, so worth storing
   bool was_built = false;

@@ -27,10 +27,10 @@ Error NoMemoryForBuilds() {
 
 Result<MeshUpload> MeshIntake::BeginUpload(std::uint64_t bytes) {
   if (parts_.store->limit() && bytes > *parts_.store->limit()) return TooLargeForStore(bytes);
-  if (Status status = parts_.budget->CheckCouldFit(LeastPrepareBytes(bytes)); !status.ok()) {
+  if (Status status = parts_.budget->CheckCouldFit(LeastParseBytes(bytes)); !status.ok()) {
     return std::move(status).error();
   }
-  if (!admitted_builds_.TryReserve(UsualPrepareBytes(bytes))) return NoMemoryForBuilds();
+  if (!admitted_builds_.TryReserve(UsualParseBytes(bytes))) return NoMemoryForBuilds();
   Result<NewMesh> file = parts_.store->BeginMesh(bytes);
   if (!file.ok()) return std::move(file).error();
   return MeshUpload(*std::move(file));
@@ -85,15 +85,14 @@ bool MeshIntake::IsStored(const Sha256Digest& mesh, std::uint64_t bytes) const {
 }
 
 // A mesh that needs more is still accepted alone.
-std::uint64_t MeshIntake::UsualPrepareBytes(std::uint64_t mesh_bytes) const {
-  return std::min(EstimatePrepareBytes(mesh_bytes), admitted_builds_.limit());
+std::uint64_t MeshIntake::UsualParseBytes(std::uint64_t mesh_bytes) const {
+  return std::min(EstimateParseBytes(mesh_bytes), admitted_builds_.limit());
 }
 
 // No admission for a tree that is ready or has a running task.
 Result<MemoryCharge> MeshIntake::Admit(const TreeId& id, std::uint64_t mesh_bytes) {
   if (parts_.registry->IsReadyOrUnderWay(id)) return MemoryCharge();
-  std::optional<MemoryCharge> admission =
-      admitted_builds_.TryReserve(UsualPrepareBytes(mesh_bytes));
+  std::optional<MemoryCharge> admission = admitted_builds_.TryReserve(UsualParseBytes(mesh_bytes));
   if (!admission) return NoMemoryForBuilds();
   return *std::move(admission);
 }

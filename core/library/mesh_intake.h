@@ -59,7 +59,7 @@ class MeshIntake {
   Status DropUnrecordedMesh(const Sha256Digest& mesh);
   bool IsStored(const Sha256Digest& mesh, std::uint64_t bytes) const;
   Error TooLargeForStore(std::uint64_t bytes) const;
-  std::uint64_t UsualPrepareBytes(std::uint64_t mesh_bytes) const;
+  std::uint64_t UsualParseBytes(std::uint64_t mesh_bytes) const;
   Result<MemoryCharge> Admit(const TreeId& id, std::uint64_t mesh_bytes);
   // The caller holds the mesh's lock, and its bytes are on disk:
   Result<Added> Add(const TreeId& id, std::uint64_t mesh_bytes, MemoryCharge admission);

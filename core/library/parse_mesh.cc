@@ -10,8 +10,8 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 // Frees `text` after parsing, if it owns memory.
-Result<PreparedMesh> Prepare(std::span<const std::byte> bytes, std::vector<std::byte> text,
-                             const CancelToken& cancel, const OnMeshCounts& on_counts) {
+Result<ParsedMesh> Parse(std::span<const std::byte> bytes, std::vector<std::byte> text,
+                         const CancelToken& cancel, const OnMeshCounts& on_counts) {
   const auto start = SteadyClock::now();
   MeshFacts facts;
   facts.file_bytes = bytes.size();
@@ -36,7 +36,7 @@ Result<PreparedMesh> Prepare(std::span<const std::byte> bytes, std::vector<std::
   facts.shortest_edge = mesh->shortest_edge();
   facts.memory_bytes = mesh->bytes();
   facts.parse_ms = std::chrono::duration<double, std::milli>(SteadyClock::now() - start).count();
-  return PreparedMesh{std::move(facts), *std::move(mesh)};
+  return ParsedMesh{std::move(facts), *std::move(mesh)};
 }
 
 constexpr std::uint64_t BytesOfMesh(const MeshCounts& counts, std::uint64_t vertex_bytes) {
@@ -51,20 +51,20 @@ constexpr std::uint64_t HealthScratchBytes(const MeshCounts& counts) {
 
 }  // namespace
 
-Result<PreparedMesh> PrepareMesh(std::vector<std::byte> bytes, const CancelToken& cancel,
-                                 const OnMeshCounts& on_counts) {
+Result<ParsedMesh> ParseMesh(std::vector<std::byte> bytes, const CancelToken& cancel,
+                             const OnMeshCounts& on_counts) {
   const std::span<const std::byte> all = bytes;  // stays valid when the vector is moved
-  return Prepare(all, std::move(bytes), cancel, on_counts);
+  return Parse(all, std::move(bytes), cancel, on_counts);
 }
 
-Result<PreparedMesh> PrepareMesh(std::span<const std::byte> bytes, const CancelToken& cancel) {
-  return Prepare(bytes, {}, cancel, {});
+Result<ParsedMesh> ParseMesh(std::span<const std::byte> bytes, const CancelToken& cancel) {
+  return Parse(bytes, {}, cancel, {});
 }
 
 // Three phases, one after the other: the file's bytes and the MeshData read from them; MeshData and
 // the mesh made from it; the mesh, the vertices that were read, and the scratch of the health
 // report.
-std::uint64_t PreparePeakBytes(std::uint64_t file_bytes, const MeshCounts& counts) {
+std::uint64_t ParsePeakBytes(std::uint64_t file_bytes, const MeshCounts& counts) {
   constexpr std::uint64_t kFixed = 64 << 10;
   const std::uint64_t vertices = counts.vertices * sizeof(Vec3d);
   const std::uint64_t triangles = counts.triangles * sizeof(TriangleIndices);

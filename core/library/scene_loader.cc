@@ -21,7 +21,7 @@ class SceneLoader::Attempt {
   Result<LoadedScene> Run(const std::function<void(const MeshFacts&)>& on_mesh) {
     if (Status status = FetchMesh(); !status.ok()) return std::move(status).error();
     watch_->parsed = true;
-    on_mesh(loaded_.prepared->facts);
+    on_mesh(loaded_.parsed->facts);
     if (Status status = FetchTree(); !status.ok()) return std::move(status).error();
     watch_->build_progress.Finish();
     return std::move(loaded_);
@@ -42,38 +42,37 @@ class SceneLoader::Attempt {
 
   Status FetchMesh() {
     const Sha256Digest& digest = record_.id.mesh;
-    loaded_.prepared = loader_->cache_->FindMesh(digest);
-    if (loaded_.prepared == nullptr) {
-      Result<PreparedMesh> prepared = ReadPrepared();
-      if (!prepared.ok()) {
-        if (needed_ != 0 || watch_->cancel.ShouldStop()) return std::move(prepared).error();
-        prepared = Parse();
-        loaded_.was_parsed = prepared.ok();
+    loaded_.parsed = loader_->cache_->FindMesh(digest);
+    if (loaded_.parsed == nullptr) {
+      Result<ParsedMesh> parsed = ReadParsed();
+      if (!parsed.ok()) {
+        if (needed_ != 0 || watch_->cancel.ShouldStop()) return std::move(parsed).error();
+        parsed = Parse();
+        loaded_.was_parsed = parsed.ok();
       }
-      if (!prepared.ok()) return std::move(prepared).error();
-      const std::uint64_t bytes = prepared->facts.memory_bytes;
+      if (!parsed.ok()) return std::move(parsed).error();
+      const std::uint64_t bytes = parsed->facts.memory_bytes;
       if (Status status = Need(bytes); !status.ok()) return status;
       charged_to_mesh_ = bytes;
-      loaded_.prepared =
-          loader_->cache_->InsertMesh(digest, *std::move(prepared), charge_.Split(bytes));
+      loaded_.parsed =
+          loader_->cache_->InsertMesh(digest, *std::move(parsed), charge_.Split(bytes));
     }
-    loaded_.scene.mesh =
-        std::shared_ptr<const TriangleMesh>(loaded_.prepared, &loaded_.prepared->mesh);
+    loaded_.scene.mesh = std::shared_ptr<const TriangleMesh>(loaded_.parsed, &loaded_.parsed->mesh);
     return {};
   }
 
-  Result<PreparedMesh> ReadPrepared() {
+  Result<ParsedMesh> ReadParsed() {
     // An expected file is read even if it is missing, so its loss is detected.
     const std::uint64_t expected = record_.mesh ? record_.mesh->memory_bytes : 0;
     const std::uint64_t bytes =
-        std::max(expected, loader_->store_->PreparedFileBytes(record_.id.mesh));
+        std::max(expected, loader_->store_->ParsedFileBytes(record_.id.mesh));
     if (bytes == 0) return Error{ErrorCode::kNotFound, "not parsed yet"};
     if (Status status = Need(bytes); !status.ok()) return std::move(status).error();
-    return loader_->store_->ReadPrepared(record_.id.mesh, watch_->cancel);
+    return loader_->store_->ReadParsed(record_.id.mesh, watch_->cancel);
   }
 
-  Result<PreparedMesh> Parse() {
-    if (Status status = Need(LeastPrepareBytes(record_.mesh_bytes)); !status.ok()) {
+  Result<ParsedMesh> Parse() {
+    if (Status status = Need(LeastParseBytes(record_.mesh_bytes)); !status.ok()) {
       return std::move(status).error();
     }
     Result<std::vector<std::byte>> bytes =
@@ -81,21 +80,20 @@ class SceneLoader::Attempt {
     if (!bytes.ok()) return std::move(bytes).error();
     ++loader_->parses_;
     const auto on_counts = [&](const MeshCounts& counts) { return NeedForParsing(counts); };
-    std::optional<Result<PreparedMesh>> prepared;
-    loader_->arena_->Run(
-        [&] { prepared = PrepareMesh(*std::move(bytes), watch_->cancel, on_counts); });
-    return *std::move(prepared);
+    std::optional<Result<ParsedMesh>> parsed;
+    loader_->arena_->Run([&] { parsed = ParseMesh(*std::move(bytes), watch_->cancel, on_counts); });
+    return *std::move(parsed);
   }
 
   // The counts of the file are known; no memory is allocated for them yet.
   Status NeedForParsing(const MeshCounts& counts) {
-    const std::uint64_t bytes = PreparePeakBytes(record_.mesh_bytes, counts);
+    const std::uint64_t bytes = ParsePeakBytes(record_.mesh_bytes, counts);
     if (Status status = loader_->budget_->CheckCouldFit(bytes); !status.ok()) return status;
     return Need(bytes);
   }
 
   Status FetchTree() {
-    const MeshFacts& mesh = loaded_.prepared->facts;
+    const MeshFacts& mesh = loaded_.parsed->facts;
     const BuildKind build =
         record_.id.build.value_or(AutoBuildKind(static_cast<std::size_t>(mesh.triangles)));
     std::shared_ptr<const Tree> tree = loader_->cache_->FindTree(record_.id.mesh, build);
@@ -189,7 +187,7 @@ Result<LoadedScene> SceneLoader::Load(const TreeRecord& record, LoadWatch* watch
 }
 
 void SceneLoader::Store(const TreeId& id, const LoadedScene& loaded, const CancelToken& cancel) {
-  if (loaded.was_parsed) store_->WritePrepared(id.mesh, *loaded.prepared, cancel);
+  if (loaded.was_parsed) store_->WriteParsed(id.mesh, *loaded.parsed, cancel);
   if (loaded.was_built) {
     store_->WriteTree({id.mesh, loaded.scene.mesh->triangle_count(), loaded.tree.build},
                       *loaded.scene.tree, cancel);

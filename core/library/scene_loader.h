@@ -33,7 +33,7 @@ class SceneLoader {
     std::function<std::optional<WorkQueue::Aside>()> step_aside;
   };
   /// The scene of `record`, in memory. Waits for memory by the rule of MemoryBudget, holding none
-  /// meanwhile. Errors: those of PrepareMesh and BuildTree; kMeshTooLarge if the memory limit is
+  /// meanwhile. Errors: those of ParseMesh and BuildTree; kMeshTooLarge if the memory limit is
   /// too small for it; kCorrupt, kNotFound, kIo if the mesh file cannot be read; kMemoryFull after
   /// the longest wait, if too many wait already, or if the system has no memory.
   Result<LoadedScene> Load(const TreeRecord& record, LoadWatch* watch, const Hooks& hooks);

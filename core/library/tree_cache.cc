@@ -54,9 +54,9 @@ TreeCache::TreePointer TreeCache::FindTree(const Sha256Digest& mesh, BuildKind b
   return Find<TreePointer>({mesh, build});
 }
 
-TreeCache::MeshPointer TreeCache::InsertMesh(const Sha256Digest& mesh, PreparedMesh value,
+TreeCache::MeshPointer TreeCache::InsertMesh(const Sha256Digest& mesh, ParsedMesh value,
                                              MemoryCharge charge) {
-  return Insert<PreparedMesh>({mesh, std::nullopt}, std::move(value), std::move(charge));
+  return Insert<ParsedMesh>({mesh, std::nullopt}, std::move(value), std::move(charge));
 }
 
 TreeCache::TreePointer TreeCache::InsertTree(const Sha256Digest& mesh, Tree value,

@@ -24,7 +24,7 @@ namespace kdray::core {
 /// Safe from many threads at once; waits only for its own short lock.
 class TreeCache {
  public:
-  using MeshPointer = std::shared_ptr<const PreparedMesh>;
+  using MeshPointer = std::shared_ptr<const ParsedMesh>;
   using TreePointer = std::shared_ptr<const Tree>;
 
   /// Null if it is not cached. Counts as a use.
@@ -32,7 +32,7 @@ class TreeCache {
   TreePointer FindTree(const Sha256Digest& mesh, BuildKind build);
 
   /// Replaces the item with that key.
-  MeshPointer InsertMesh(const Sha256Digest& mesh, PreparedMesh value, MemoryCharge charge);
+  MeshPointer InsertMesh(const Sha256Digest& mesh, ParsedMesh value, MemoryCharge charge);
   TreePointer InsertTree(const Sha256Digest& mesh, Tree value, MemoryCharge charge);
 
   void EraseTree(const Sha256Digest& mesh, BuildKind build);

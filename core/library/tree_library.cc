@@ -104,9 +104,9 @@ Result<Scene> TreeLibrary::Load(const TreeId& id, const CancelToken& cancel) {
 std::optional<Scene> TreeLibrary::FindInMemory(const Sha256Digest& mesh, BuildKind build) {
   TreeCache::TreePointer tree = cache_.FindTree(mesh, build);
   if (tree == nullptr) return std::nullopt;
-  const TreeCache::MeshPointer prepared = cache_.FindMesh(mesh);
-  if (prepared == nullptr) return std::nullopt;
-  return Scene{std::shared_ptr<const TriangleMesh>(prepared, &prepared->mesh), std::move(tree)};
+  const TreeCache::MeshPointer parsed = cache_.FindMesh(mesh);
+  if (parsed == nullptr) return std::nullopt;
+  return Scene{std::shared_ptr<const TriangleMesh>(parsed, &parsed->mesh), std::move(tree)};
 }
 
 Result<Scene> TreeLibrary::LoadWithBinary(const TreeId& id, const CancelToken& cancel) {

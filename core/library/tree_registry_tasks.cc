@@ -50,7 +50,7 @@ bool TreeRegistry::Succeed(const TreeTask& task, const LoadedScene& loaded) {
   if (entry == nullptr) return false;
   TreeRecord& record = entry->record;
   TreeFacts facts = loaded.tree;  // what takes memory comes first
-  std::optional<MeshFacts> mesh_facts = loaded.prepared->facts;
+  std::optional<MeshFacts> mesh_facts = loaded.parsed->facts;
   if (!loaded.was_built && !record.tree) {
     // The tree exists under another id, which has its build time.
     ForEachOf(record.id.mesh, [&](const Entry& other) {

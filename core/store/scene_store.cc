@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "core/store/checked_file.h"
-#include "core/store/mesh_file.h"
+#include "core/store/parsed_mesh_file.h"
 
 namespace kdray::core {
 namespace {
@@ -224,21 +224,21 @@ void SceneStore::UseMesh(const Sha256Digest& mesh) {
   (void)Blobs(FileGroup::kMeshes).Touch(name);
 }
 
-std::uint64_t SceneStore::PreparedFileBytes(const Sha256Digest& mesh) const {
+std::uint64_t SceneStore::ParsedFileBytes(const Sha256Digest& mesh) const {
   return usage_.BytesOf(FileGroup::kParsed, mesh.ToHex());
 }
 
-Result<PreparedMesh> SceneStore::ReadPrepared(const Sha256Digest& mesh, const CancelToken& cancel) {
+Result<ParsedMesh> SceneStore::ReadParsed(const Sha256Digest& mesh, const CancelToken& cancel) {
   const std::string name = mesh.ToHex();
   Result<std::unique_ptr<ReadableFile>> file = OpenCounted(FileGroup::kParsed, name);
   if (!file.ok()) return std::move(file).error();
-  Result<PreparedMesh> prepared = ReadMeshFile(mesh, *std::move(file), cancel);
-  if (prepared.ok()) {
+  Result<ParsedMesh> parsed = ReadParsedMeshFile(mesh, *std::move(file), cancel);
+  if (parsed.ok()) {
     usage_.Use(FileGroup::kParsed, name);
   } else {
-    CountDamage(prepared.error());
+    CountDamage(parsed.error());
   }
-  return prepared;
+  return parsed;
 }
 
 std::uint64_t SceneStore::TreeFileBytes(const Sha256Digest& mesh, BuildKind build) const {
@@ -273,10 +273,10 @@ void SceneStore::WriteDerived(FileGroup group, const std::string& name,
   if (written->Commit(name).ok()) usage_.Set(group, std::move(note));
 }
 
-void SceneStore::WritePrepared(const Sha256Digest& mesh, const PreparedMesh& prepared,
-                               const CancelToken& cancel) {
-  WriteDerived(FileGroup::kParsed, mesh.ToHex(), prepared.facts.memory_bytes, [&](NewBlob blob) {
-    return WriteMeshFile(mesh, prepared, std::move(blob), cancel);
+void SceneStore::WriteParsed(const Sha256Digest& mesh, const ParsedMesh& parsed,
+                             const CancelToken& cancel) {
+  WriteDerived(FileGroup::kParsed, mesh.ToHex(), parsed.facts.memory_bytes, [&](NewBlob blob) {
+    return WriteParsedMeshFile(mesh, parsed, std::move(blob), cancel);
   });
 }
 

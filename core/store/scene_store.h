@@ -3,7 +3,7 @@
 //   meshes/<sha256>   the uploaded bytes
 //   catalog/<id>      the records of trees (catalog.h): a mesh without a record is not served, and
 //                     is kept until the same bytes are uploaded again or the limit needs its room
-//   parsed/<sha256>   derived: the parsed mesh (mesh_file.h)
+//   parsed/<sha256>   derived: the parsed mesh (parsed_mesh_file.h)
 //   trees/<sha256>-<build>   derived: the built tree (tree_file.h)
 //   measured/<sha256>        derived: the trade-off that was measured (tradeoff_file.h)
 // Derived files may be removed at any time. They are made again when needed, except measurements,
@@ -131,11 +131,11 @@ class SceneStore {
   // made again when needed. Reading one may also end with kCancelled or kDeadlineExceeded.
 
   /// About the memory that the mesh will take; 0 without a file.
-  std::uint64_t PreparedFileBytes(const Sha256Digest& mesh) const;
-  Result<PreparedMesh> ReadPrepared(const Sha256Digest& mesh, const CancelToken& cancel = {});
-  void WritePrepared(const Sha256Digest& mesh, const PreparedMesh& prepared,
-                     const CancelToken& cancel = {});
-  /// As PreparedFileBytes.
+  std::uint64_t ParsedFileBytes(const Sha256Digest& mesh) const;
+  Result<ParsedMesh> ReadParsed(const Sha256Digest& mesh, const CancelToken& cancel = {});
+  void WriteParsed(const Sha256Digest& mesh, const ParsedMesh& parsed,
+                   const CancelToken& cancel = {});
+  /// As ParsedFileBytes.
   std::uint64_t TreeFileBytes(const Sha256Digest& mesh, BuildKind build) const;
   Result<Tree> ReadTree(const TreeFileKey& key, const CancelToken& cancel = {});
   void WriteTree(const TreeFileKey& key, const Tree& tree, const CancelToken& cancel = {});

@@ -30,13 +30,13 @@ core::Scene LoadScene(const std::string& name) {
     std::cerr << "bench_images: no mesh collection: set KDRAY_MESHES\n";
     std::exit(1);
   }
-  core::Result<core::PreparedMesh> prepared =
-      core::PrepareMesh(test::ReadFileBytes(*folder / name), core::CancelToken());
-  if (!prepared.ok()) {
-    std::cerr << "bench_images: " << name << ": " << prepared.error().message << "\n";
+  core::Result<core::ParsedMesh> parsed =
+      core::ParseMesh(test::ReadFileBytes(*folder / name), core::CancelToken());
+  if (!parsed.ok()) {
+    std::cerr << "bench_images: " << name << ": " << parsed.error().message << "\n";
     std::exit(1);
   }
-  auto mesh = std::make_shared<const core::TriangleMesh>(std::move(prepared->mesh));
+  auto mesh = std::make_shared<const core::TriangleMesh>(std::move(parsed->mesh));
   core::Result<core::Tree> tree = core::BuildTree(*mesh, core::BuildKind::kKdSah);
   if (!tree.ok()) std::exit(1);
   return {mesh, std::make_shared<const core::Tree>(*std::move(tree))};

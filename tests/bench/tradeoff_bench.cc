@@ -83,13 +83,13 @@ std::vector<BenchMesh> LoadCollection(const Options& options) {
   std::sort(files.begin(), files.end());
   std::vector<BenchMesh> meshes;
   for (const auto& file : files) {
-    core::Result<core::PreparedMesh> prepared =
-        core::PrepareMesh(test::ReadFileBytes(file), core::CancelToken());
+    core::Result<core::ParsedMesh> parsed =
+        core::ParseMesh(test::ReadFileBytes(file), core::CancelToken());
     // Lists, notes, formats that are not read yet.
-    if (!prepared.ok() || prepared->facts.triangles > options.max_triangles) continue;
-    const bool closed = prepared->facts.health.closed;
+    if (!parsed.ok() || parsed->facts.triangles > options.max_triangles) continue;
+    const bool closed = parsed->facts.health.closed;
     meshes.push_back({file.filename().string(), closed,
-                      std::make_shared<const core::TriangleMesh>(std::move(prepared->mesh))});
+                      std::make_shared<const core::TriangleMesh>(std::move(parsed->mesh))});
   }
   return meshes;
 }

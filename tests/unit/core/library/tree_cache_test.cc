@@ -20,9 +20,9 @@ using std::chrono::milliseconds;
 
 Sha256Digest Digest(int number) { return HashBytes(test::Bytes(std::to_string(number))); }
 
-PreparedMesh SomeMesh() {
+ParsedMesh SomeMesh() {
   Result<TriangleMesh> mesh = TriangleMesh::Create(test::Cube({0, 0, 0}, 1));
-  return PreparedMesh{MeshFacts{}, *std::move(mesh)};
+  return ParsedMesh{MeshFacts{}, *std::move(mesh)};
 }
 
 Tree SomeTree(BuildKind build) {

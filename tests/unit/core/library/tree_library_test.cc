@@ -283,7 +283,7 @@ class FullMemoryTest : public LibraryTest {
     const core::MeshFacts mesh = *library_->Find(large)->record.mesh;
     options_.memory_limit_bytes =
         std::max(mesh.memory_bytes + core::EstimateBuildBytes(mesh.triangles, BuildKind::kKdSah),
-                 core::EstimatePrepareBytes(mesh.file_bytes));
+                 core::EstimateParseBytes(mesh.file_bytes));
     EXPECT_TRUE(library_->Delete(large).ok());
     Open();
     small_ = Add(SphereBytes(1, 6), BuildKind::kBox);

@@ -76,9 +76,9 @@ class TreeRegistryTest : public testing::Test {
     MeshData data;
     data.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
     data.triangles = {{0, 1, 2}};
-    PreparedMesh prepared{MeshFacts{}, TriangleMesh::Create(data).value()};
-    prepared.facts.triangles = 100;
-    loaded.prepared = std::make_shared<const PreparedMesh>(std::move(prepared));
+    ParsedMesh parsed{MeshFacts{}, TriangleMesh::Create(data).value()};
+    parsed.facts.triangles = 100;
+    loaded.parsed = std::make_shared<const ParsedMesh>(std::move(parsed));
     loaded.scene.tree = std::make_shared<Tree>();
     loaded.tree.build = build;
     loaded.tree.build_ms = 5;

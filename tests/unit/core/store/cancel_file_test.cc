@@ -16,7 +16,7 @@
 #include "core/accel/tree.h"
 #include "core/store/blob_store.h"
 #include "core/store/checked_file.h"
-#include "core/store/mesh_file.h"
+#include "core/store/parsed_mesh_file.h"
 #include "core/store/scene_store.h"
 #include "core/store/tree_file.h"
 #include "tests/support/cancel_probe.h"
@@ -102,7 +102,7 @@ TEST(CancelledFile, WritingALargeArrayEndsAndLeavesNoFile) {
 
 struct Stored {
   Sha256Digest digest = core::HashBytes(Bytes("a mesh"));
-  std::optional<core::PreparedMesh> mesh;
+  std::optional<core::ParsedMesh> mesh;
   std::optional<core::Tree> tree;
   core::TreeFileKey key;
 };
@@ -119,7 +119,7 @@ Stored LargeScene() {
   facts.memory_bytes = mesh->bytes();
   stored.key = {stored.digest, mesh->triangle_count(), BuildKind::kBvh};
   stored.tree = *BuildTree(*mesh, BuildKind::kBvh);
-  stored.mesh = core::PreparedMesh{facts, *std::move(mesh)};
+  stored.mesh = core::ParsedMesh{facts, *std::move(mesh)};
   return stored;
 }
 
@@ -133,15 +133,16 @@ TEST(CancelledFile, OfAMeshOrATreeIsWholeOrNotThere) {
       core::BlobStore store(&disk, "folder");
       ASSERT_TRUE(store.Open().ok());
       const CancelToken token = CancelledAtLook(looks);
-      auto written = is_tree ? WriteTreeFile(stored.key, *stored.tree, *store.Create(), token)
-                             : WriteMeshFile(stored.digest, *stored.mesh, *store.Create(), token);
+      auto written = is_tree
+                         ? WriteTreeFile(stored.key, *stored.tree, *store.Create(), token)
+                         : WriteParsedMeshFile(stored.digest, *stored.mesh, *store.Create(), token);
       completed = written.ok();
       if (completed) {
         ASSERT_TRUE(written->Commit("file").ok());
         EXPECT_GE(looks, disk.Contents("folder/file")->size() / kMiB) << "it looks at each MiB";
         const auto file = [&] { return *store.Read("file"); };
         EXPECT_TRUE(is_tree ? ReadTreeFile(stored.key, file()).ok()
-                            : ReadMeshFile(stored.digest, file()).ok());
+                            : ReadParsedMeshFile(stored.digest, file()).ok());
       } else {
         ASSERT_EQ(written.error().code, ErrorCode::kCancelled);
         EXPECT_TRUE(disk.FilesIn("folder").empty());
@@ -156,7 +157,7 @@ TEST(CancelledFile, WhenReadIsNotDamaged) {
   SimulatedDisk disk;
   auto store = *core::SceneStore::Open({&disk, "data", std::nullopt});
   ASSERT_TRUE(store->Load().ok());
-  store->WritePrepared(stored.digest, *stored.mesh);
+  store->WriteParsed(stored.digest, *stored.mesh);
   store->WriteTree(stored.key, *stored.tree);
   for (const bool is_tree : {false, true}) {
     bool completed = false;
@@ -164,7 +165,7 @@ TEST(CancelledFile, WhenReadIsNotDamaged) {
     for (; !completed; ++looks) {
       const CancelToken token = CancelledAtLook(looks);
       const Status status = is_tree ? StatusOf(store->ReadTree(stored.key, token))
-                                    : StatusOf(store->ReadPrepared(stored.digest, token));
+                                    : StatusOf(store->ReadParsed(stored.digest, token));
       completed = status.ok();
       ASSERT_TRUE(completed || status.error().code == ErrorCode::kCancelled);
     }

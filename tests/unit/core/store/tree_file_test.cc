@@ -13,7 +13,7 @@
 
 #include "core/base/hash.h"
 #include "core/store/blob_store.h"
-#include "core/store/mesh_file.h"
+#include "core/store/parsed_mesh_file.h"
 #include "tests/support/mesh_files.h"
 #include "tests/support/shapes.h"
 #include "tests/support/simulated_disk.h"
@@ -27,7 +27,7 @@ using FileBytes = std::vector<std::byte>;
 const Sha256Digest kMesh = HashBytes(test::Bytes("a mesh"));
 const Sha256Digest kOtherMesh = HashBytes(test::Bytes("another mesh"));
 
-PreparedMesh Prepare(const MeshData& data) {
+ParsedMesh Prepare(const MeshData& data) {
   Result<TriangleMesh> mesh = TriangleMesh::Create(data);
   EXPECT_TRUE(mesh.ok());
   MeshFacts facts;
@@ -45,7 +45,7 @@ PreparedMesh Prepare(const MeshData& data) {
   facts.shortest_edge = mesh->shortest_edge();
   facts.memory_bytes = mesh->bytes();
   facts.parse_ms = 0.125;
-  return PreparedMesh{facts, *std::move(mesh)};
+  return ParsedMesh{facts, *std::move(mesh)};
 }
 
 // One file on a disk of its own, under the name "file".
@@ -82,13 +82,13 @@ Result<Tree> Read(const TreeFileKey& key, const FileBytes& bytes) {
   OneFile file;
   return ReadTreeFile(key, file.Open(bytes));
 }
-FileBytes Write(const PreparedMesh& mesh) {
+FileBytes Write(const ParsedMesh& mesh) {
   OneFile file;
-  return file.Commit(WriteMeshFile(kMesh, mesh, file.Create()));
+  return file.Commit(WriteParsedMeshFile(kMesh, mesh, file.Create()));
 }
-Result<PreparedMesh> Read(const Sha256Digest& mesh, const FileBytes& bytes) {
+Result<ParsedMesh> Read(const Sha256Digest& mesh, const FileBytes& bytes) {
   OneFile file;
-  return ReadMeshFile(mesh, file.Open(bytes));
+  return ReadParsedMeshFile(mesh, file.Open(bytes));
 }
 
 struct StoredTree {
@@ -98,7 +98,7 @@ struct StoredTree {
 };
 
 StoredTree StoreSphere(BuildKind build) {
-  const PreparedMesh mesh = Prepare(test::UvSphere({1, 2, 3}, 2, 6, 8));
+  const ParsedMesh mesh = Prepare(test::UvSphere({1, 2, 3}, 2, 6, 8));
   Result<Tree> tree = BuildTree(mesh.mesh, build);
   EXPECT_TRUE(tree.ok());
   StoredTree stored{{kMesh, mesh.mesh.triangle_count(), build}, *std::move(tree), {}};
@@ -156,7 +156,7 @@ TEST(TreeFile, HoldsATreeOverNothingButDegenerateTriangles) {
   MeshData data;
   data.vertices = {{0, 0, 0}, {1, 0, 0}};
   data.triangles = {{0, 1, 1}};
-  const PreparedMesh mesh = Prepare(data);
+  const ParsedMesh mesh = Prepare(data);
   for (const BuildKind build : kAllBuildKinds) {
     const Result<Tree> tree = BuildTree(mesh.mesh, build);
     ASSERT_TRUE(tree.ok());
@@ -296,8 +296,8 @@ TEST(TreeFile, PassesOnAnErrorOfTheDisk) {
   }
 }
 
-std::vector<PreparedMesh> MeshesOfBothVertexTypes() {
-  std::vector<PreparedMesh> meshes;
+std::vector<ParsedMesh> MeshesOfBothVertexTypes() {
+  std::vector<ParsedMesh> meshes;
   meshes.push_back(Prepare(test::RoundToFloat(test::IcoSphere({0, 0, 0}, 1, 1))));
   meshes.push_back(Prepare(test::IcoSphere({0.1, 0.2, 0.3}, 1, 1)));
   MeshData partly_degenerate = test::Soup(37, 0.1, 11);
@@ -309,12 +309,12 @@ std::vector<PreparedMesh> MeshesOfBothVertexTypes() {
 }
 
 TEST(MeshFile, GivesBackTheSameMesh) {
-  const std::vector<PreparedMesh> meshes = MeshesOfBothVertexTypes();
+  const std::vector<ParsedMesh> meshes = MeshesOfBothVertexTypes();
   EXPECT_FALSE(meshes[0].mesh.has_double_vertices());
   EXPECT_TRUE(meshes[1].mesh.has_double_vertices());
-  for (const PreparedMesh& mesh : meshes) {
+  for (const ParsedMesh& mesh : meshes) {
     const FileBytes bytes = Write(mesh);
-    const Result<PreparedMesh> read = Read(kMesh, bytes);
+    const Result<ParsedMesh> read = Read(kMesh, bytes);
     ASSERT_TRUE(read.ok()) << read.error().message;
     EXPECT_EQ(read->facts, mesh.facts);
     EXPECT_EQ(read->mesh.frame(), mesh.mesh.frame());
@@ -334,9 +334,9 @@ TEST(MeshFile, GivesBackTheSameMesh) {
 }
 
 TEST(MeshFile, NoticesEveryDamage) {
-  for (const PreparedMesh& mesh : MeshesOfBothVertexTypes()) {
+  for (const ParsedMesh& mesh : MeshesOfBothVertexTypes()) {
     ExpectEveryDamageIsNoticed(Write(mesh), [&](const FileBytes& bytes) {
-      const Result<PreparedMesh> read = Read(kMesh, bytes);
+      const Result<ParsedMesh> read = Read(kMesh, bytes);
       return !read.ok() && read.error().code == ErrorCode::kCorrupt;
     });
   }

@@ -1,4 +1,4 @@
-#include "core/store/mesh_file.h"
+#include "core/store/parsed_mesh_file.h"
 
 #include <cstddef>
 #include <cstdint>
@@ -51,22 +51,22 @@ bool IndicesAreBelow(std::size_t end, std::span<const TriangleIndices> triangles
 
 }  // namespace
 
-Result<NewBlob> WriteMeshFile(const Sha256Digest& mesh, const PreparedMesh& prepared, NewBlob blob,
-                              const CancelToken& cancel) {
+Result<NewBlob> WriteParsedMeshFile(const Sha256Digest& mesh, const ParsedMesh& parsed,
+                                    NewBlob blob, const CancelToken& cancel) {
   CheckedWriter writer(std::move(blob), kMeshFileKind, cancel);
   writer.Put(mesh);
-  PutMeshFacts(prepared.facts, &writer);
-  prepared.mesh.VisitVertices([&](auto vertices) { writer.PutArray(vertices); });
-  writer.PutArray(prepared.mesh.triangles());
+  PutMeshFacts(parsed.facts, &writer);
+  parsed.mesh.VisitVertices([&](auto vertices) { writer.PutArray(vertices); });
+  writer.PutArray(parsed.mesh.triangles());
   CancelPoll poll(cancel);
-  const std::vector<std::uint8_t> degenerate = PackBits(prepared.mesh.degenerate_flags(), &poll);
+  const std::vector<std::uint8_t> degenerate = PackBits(parsed.mesh.degenerate_flags(), &poll);
   if (poll.stopped()) return poll.ToError();
   writer.PutArray(std::span(degenerate));
   return std::move(writer).Finish();
 }
 
-Result<PreparedMesh> ReadMeshFile(const Sha256Digest& mesh, std::unique_ptr<ReadableFile> file,
-                                  const CancelToken& cancel) {
+Result<ParsedMesh> ReadParsedMeshFile(const Sha256Digest& mesh, std::unique_ptr<ReadableFile> file,
+                                      const CancelToken& cancel) {
   CheckedReader reader(std::move(file), kMeshFileKind, cancel);
   if (reader.Get<Sha256Digest>() != mesh) reader.Fail();
   MeshFacts facts = GetMeshFacts(&reader);
@@ -93,7 +93,7 @@ Result<PreparedMesh> ReadMeshFile(const Sha256Digest& mesh, std::unique_ptr<Read
   if (poll.stopped()) return poll.ToError();
   Result<TriangleMesh> made = TriangleMesh::FromParts(std::move(parts), cancel);
   if (!made.ok()) return std::move(made).error();
-  return PreparedMesh{std::move(facts), *std::move(made)};
+  return ParsedMesh{std::move(facts), *std::move(made)};
 }
 
 }  // namespace kdray::core

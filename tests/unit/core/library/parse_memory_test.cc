@@ -172,39 +172,39 @@ std::vector<Case> Cases() {
   return cases;
 }
 
-TEST(PrepareMemory, IsWhatTheCountsSayForEveryFormatAndShape) {
+TEST(ParseMemory, IsWhatTheCountsSayForEveryFormatAndShape) {
   for (const Case& c : Cases()) {
     SCOPED_TRACE(c.name);
     std::vector<std::byte> bytes = test::Bytes(c.file);
     const std::size_t file_bytes = bytes.size();
-    std::uint64_t expected = LeastPrepareBytes(file_bytes);
+    std::uint64_t expected = LeastParseBytes(file_bytes);
     const test::AllocationPeak memory;
-    const auto prepared =
-        PrepareMesh(std::move(bytes), CancelToken(), [&](const MeshCounts& counts) -> Status {
+    const auto parsed =
+        ParseMesh(std::move(bytes), CancelToken(), [&](const MeshCounts& counts) -> Status {
           // Nothing is taken before it is told.
           EXPECT_LE(memory.bytes() + file_bytes, expected);
-          expected = PreparePeakBytes(file_bytes, counts);
+          expected = ParsePeakBytes(file_bytes, counts);
           return {};
         });
     const std::uint64_t peak = file_bytes + memory.bytes();
-    ASSERT_TRUE(prepared.ok()) << prepared.error().message;
+    ASSERT_TRUE(parsed.ok()) << parsed.error().message;
     EXPECT_LE(peak, expected);
     EXPECT_GE(static_cast<double>(peak), static_cast<double>(expected) / 1.5);
-    EXPECT_LE(prepared->facts.memory_bytes, expected);
+    EXPECT_LE(parsed->facts.memory_bytes, expected);
   }
 }
 
-TEST(PrepareMemory, IsNotTakenWhenTheCountsAreRefused) {
+TEST(ParseMemory, IsNotTakenWhenTheCountsAreRefused) {
   for (const Case& c : Cases()) {
     SCOPED_TRACE(c.name);
     std::vector<std::byte> bytes = test::Bytes(c.file);
     const test::AllocationPeak memory;
-    const auto prepared =
-        PrepareMesh(std::move(bytes), CancelToken(), [&](const MeshCounts&) -> Status {
+    const auto parsed =
+        ParseMesh(std::move(bytes), CancelToken(), [&](const MeshCounts&) -> Status {
           return Error{ErrorCode::kMemoryFull, "no memory"};
         });
-    ASSERT_FALSE(prepared.ok());
-    EXPECT_EQ(prepared.error().code, ErrorCode::kMemoryFull);
+    ASSERT_FALSE(parsed.ok());
+    EXPECT_EQ(parsed.error().code, ErrorCode::kMemoryFull);
     EXPECT_LE(memory.bytes(), 64u << 10);
   }
 }

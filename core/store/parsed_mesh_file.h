@@ -14,12 +14,12 @@ namespace kdray::core {
 
 /// Writes everything; the result only needs its name (NewBlob::Commit). `mesh` is the hash of the
 /// mesh file's bytes. Errors: those of FileSystem, kCancelled, kDeadlineExceeded.
-Result<NewBlob> WriteMeshFile(const Sha256Digest& mesh, const PreparedMesh& prepared, NewBlob blob,
-                              const CancelToken& cancel = {});
+Result<NewBlob> WriteParsedMeshFile(const Sha256Digest& mesh, const ParsedMesh& parsed,
+                                    NewBlob blob, const CancelToken& cancel = {});
 
 /// The same mesh, bit for bit. kCorrupt for a file that is damaged, of another version or byte
 /// order, or of another mesh; kCancelled, kDeadlineExceeded.
-Result<PreparedMesh> ReadMeshFile(const Sha256Digest& mesh, std::unique_ptr<ReadableFile> file,
-                                  const CancelToken& cancel = {});
+Result<ParsedMesh> ReadParsedMeshFile(const Sha256Digest& mesh, std::unique_ptr<ReadableFile> file,
+                                      const CancelToken& cancel = {});
 
 }  // namespace kdray::core
