@@ -6,9 +6,11 @@
 #include <limits>
 #include <optional>
 #include <random>
+#include <span>
 #include <utility>
 
 #include "core/base/cancel_poll.h"
+#include "core/trace/crossings.h"
 #include "core/trace/trace.h"
 
 namespace kdray::core {
@@ -16,7 +18,7 @@ namespace {
 
 constexpr std::size_t kOrigins = 64;
 constexpr std::size_t kTriesPerOrigin = 32;
-constexpr int kMaxCrossings = 256;
+constexpr std::size_t kMaxCrossings = 256;
 // Work of a try to find an origin, without its rays, and of making a ray (CancelPoll).
 constexpr std::uint64_t kTryWork = 4096;
 constexpr std::uint64_t kRayWork = 256;
@@ -62,8 +64,8 @@ Ray RayFromOutside(const Bounds3d& bounds, Random* random) {
 // Every loop over rays ends early once the poll has stopped; MakeAimedRays checks it at the end.
 class Aim {
  public:
-  Aim(const Scene& scene, std::uint64_t seed, CancelPoll* poll)
-      : scene_(scene), mesh_(*scene.mesh), random_(seed), poll_(*poll) {}
+  Aim(const Scene& scene, std::uint64_t seed, const CancelToken& cancel, CancelPoll* poll)
+      : scene_(scene), mesh_(*scene.mesh), random_(seed), cancel_(cancel), poll_(*poll) {}
 
   struct Origin {
     Vec3d point;
@@ -123,20 +125,6 @@ class Aim {
     return Closest(ray);
   }
 
-  /// Whether a ray crosses the mesh an odd number of times, and nowhere nearer than the margin.
-  bool LeavesFromInside(const Vec3d& origin, const Vec3d& direction) {
-    Ray ray;
-    ray.origin = origin;
-    ray.direction = direction;
-    int crossings = 0;
-    Hit hit = Closest(ray);
-    if (hit.IsHit() && hit.t < Margin()) return false;
-    for (; hit.IsHit() && crossings < kMaxCrossings && !poll_.stopped(); ++crossings) {
-      hit = HitAfter(ray, hit.t);
-    }
-    return !hit.IsHit() && crossings % 2 == 1;
-  }
-
   Vec3d Corner(std::size_t triangle, std::size_t corner) const {
     return mesh_.frame().ToWorld(
         mesh_.LocalCorner(static_cast<PrimitiveId>(triangle), static_cast<int>(corner)));
@@ -186,13 +174,22 @@ class Aim {
     return true;
   }
 
-  // Precisions that round vertices move the surface by 2^-24 of the mesh's size; the point must be
-  // inside for them too.
+  // Three random lines through the point must cross the mesh an odd number of times on both sides,
+  // and nowhere nearer than the margin: precisions that round vertices move the surface by 2^-24 of
+  // the mesh's size, and the point must be inside for them too.
   bool IsInside(const Vec3d& point) {
     for (int i = 0; i < 3; ++i) {
-      const Vec3d direction = random_.Direction();
-      if (!LeavesFromInside(point, direction) || !LeavesFromInside(point, direction * -1.0)) {
-        return false;
+      std::array<Ray, 2> opposite;
+      opposite[0].direction = random_.Direction();
+      opposite[1].direction = opposite[0].direction * -1.0;
+      for (Ray& ray : opposite) ray.origin = point;
+      const auto crossings =
+          TraceAll(scene_, std::span<const Ray>(opposite), kMaxCrossings, cancel_);
+      if (!crossings.ok() || !crossings->truncated.empty()) return false;
+      for (std::size_t ray = 0; ray < opposite.size(); ++ray) {
+        const std::size_t first = crossings->first[ray];
+        const std::size_t count = crossings->first[ray + 1] - first;
+        if (count % 2 == 0 || crossings->hits[first].t < Margin()) return false;
       }
     }
     return true;
@@ -207,6 +204,7 @@ class Aim {
   const Scene& scene_;
   const TriangleMesh& mesh_;
   Random random_;
+  const CancelToken& cancel_;
   CancelPoll& poll_;
 };
 
@@ -222,7 +220,7 @@ std::vector<Ray> RandomRays(const TriangleMesh& mesh, std::size_t count, std::ui
 Result<AimedRays> MakeAimedRays(const Scene& scene, bool closed, std::size_t count,
                                 std::uint64_t seed, const CancelToken& cancel) {
   CancelPoll poll(cancel);
-  Aim aim(scene, seed, &poll);
+  Aim aim(scene, seed, cancel, &poll);
   std::vector<Aim::Origin> origins;
   if (closed) origins = aim.OriginsInside();
   AimedRays aimed;

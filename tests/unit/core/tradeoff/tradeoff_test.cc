@@ -183,6 +183,24 @@ TEST(AimedRays, FromInsideAClosedMeshAllHitIt) {
   }
 }
 
+TEST(AimedRays, StartInsideBodiesThatTouchFaceToFace) {
+  // Two flat boxes: nearly every line through one crosses the common face, which is there twice.
+  const auto flat_box = [](double height) {
+    MeshData box = test::Cube({0, 0, 0}, 1);
+    for (Vec3d& vertex : box.vertices) vertex.z = height + 0.01 * vertex.z;
+    return box;
+  };
+  const Scene scene = MakeScene(test::Join(flat_box(0), flat_box(0.02)));
+  const Result<AimedRays> aimed = MakeAimedRays(scene, true, 256, 7, {});
+  ASSERT_TRUE(aimed.ok());
+  EXPECT_TRUE(aimed->from_inside);
+  for (const Ray& ray : aimed->rays) {
+    EXPECT_LT(std::fabs(ray.origin.x), 1);
+    EXPECT_LT(std::fabs(ray.origin.y), 1);
+    EXPECT_LT(std::fabs(ray.origin.z - 0.01), 0.02);
+  }
+}
+
 TEST(AimedRays, AtAPointLikeMeshAreStillRays) {
   MeshData data;
   data.vertices = {{2, 2, 2}, {2, 2, 2}, {2, 2, 2}};
