@@ -1,0 +1,435 @@
+// Every field of a render request: values, defaults, refusals, and the modes that use it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <string>
+
+#include "api/names.h"
+#include "api/request_codec.h"
+#include "api/request_fields.h"
+#include "tests/support/seed.h"
+
+namespace kdray::api {
+namespace {
+
+using testing::HasSubstr;
+
+const Limits kLimits;
+
+Outcome<RenderRequest> Query(std::string_view query) {
+  return DecodeRenderQuery(query, ImageForm::kPng, kLimits);
+}
+Outcome<RenderRequest> Body(std::string_view body) {
+  return DecodeRenderBody(body, ImageForm::kPng, "application/json", kLimits);
+}
+
+// ---- Every render field, as parameter and in JSON ----
+
+struct FieldCase {
+  std::string_view name;
+  std::string_view missing;  ///< its canonical text when left out; empty: none
+  std::vector<std::string_view> good_text, bad_text;
+  std::vector<std::string_view> good_json, bad_json;  ///< bad: the right kind, a wrong value
+  std::vector<std::string_view> wrong_kind_json;
+};
+
+const std::vector<std::string_view> kNotANumber = {"null", "true", "\"1\"", "[1]", "{}"};
+const std::vector<std::string_view> kNotText = {"null", "true", "1", "[\"shaded\"]", "{}"};
+const std::vector<std::string_view> kNotAVector = {
+    "null",  "true",      "1",          "\"1,2,3\"",   "{}",       "[]",
+    "[0,0]", "[0,0,0,0]", "[0,0,null]", "[0,0,\"0\"]", "[0,0,[0]]"};
+
+const std::vector<FieldCase> kRenderCases = {
+    {"width",
+     "640",
+     {"1", "1048576"},
+     {"", "0", "-1", "1048577", "1.5", "1.0", "1e3", "+1", " 1", "1 ", "0x10", "nan", "inf",
+      "9223372036854775808", "abc"},
+     {"1", "1.0", "1e3", "1048576"},
+     {"0", "-1", "1.9", "1048577", "1e18", "1e300", "-1.5", "18446744073709551615",
+      "9223372036854775808"},
+     kNotANumber},
+    {"height",
+     "480",
+     {"1", "1048576"},
+     {"0", "1048577", "x"},
+     {"1"},
+     {"0", "1048577"},
+     kNotANumber},
+    {"projection",
+     "perspective",
+     {"perspective", "orthographic"},
+     {"", "Perspective", "ortho", "perspective,orthographic"},
+     {"\"orthographic\""},
+     {"\"\"", "\"Perspective\""},
+     kNotText},
+    {"eye",
+     "",
+     {"1,2,3", "-0.5,1e3,0"},
+     {"", "1", "1,2", "1,2,3,4", "1,2,", ",1,2", "1,,2", "1,2,x", "nan,0,0", "0,inf,0", "1e999,0,0",
+      "[1,2,3]", "1 2 3", "1, 2, 3"},
+     {"[1,2,3]", "[-1e300,0.5,0]"},
+     {},
+     kNotAVector},
+    {"target", "", {"1,2,3"}, {"1,2"}, {"[1,2,3]"}, {}, kNotAVector},
+    {"up", "", {"0,0,1", "0,1,0"}, {"0,0"}, {"[0,0,1]"}, {}, kNotAVector},
+    {"fov_deg",
+     "40",
+     {"0.001", "179.999", "4e1"},
+     {"", "0", "180", "-1", "181", "nan", "inf", "1e999", "40deg"},
+     {"0.001", "179.999"},
+     {"0", "180", "-1", "1e300"},
+     kNotANumber},
+    {"view_height",
+     "",
+     {"1e-300", "1e300"},
+     {"0", "-1", "inf", "nan"},
+     {"1e-300", "7"},
+     {"0", "-0.0", "-1"},
+     kNotANumber},
+    {"mode",
+     "shaded",
+     {"shaded", "normal", "depth", "triangle"},
+     {"", "Shaded", "wireframe", "ambient-occlusion", "cost"},
+     {"\"depth\""},
+     {"\"cost\"", "\"x\""},
+     kNotText},
+    {"samples",
+     "1",
+     {"1", "1024"},
+     {"0", "1025", "1.5"},
+     {"1", "1024"},
+     {"0", "1025", "1.5"},
+     kNotANumber},
+    {"precision",
+     "auto",
+     {"auto", "fast", "watertight", "double", "exact"},
+     {"", "Exact", "float"},
+     {"\"exact\""},
+     {"\"float\""},
+     kNotText},
+    {"color",
+     "0.93,0.88,0.81",
+     {"0,0,0", "1,1,1", "0.5,0.25,0"},
+     {"-0.1,0,0", "0,1.1,0", "red", "transparent"},
+     {"[0,0,0]", "[1,1,1]"},
+     {"[0,0,1.001]", "[-0.001,0,0]"},
+     kNotAVector},
+    {"background",
+     "",
+     {"0,0,0", "1,1,1", "transparent"},
+     {"2,0,0", "Transparent", "none"},
+     {"[0,0,0]", "\"transparent\""},
+     {"[0,0,2]"},
+     {"null", "true", "1", "{}", "[]", "[0,0]", "[0,0,null]"}},
+    {"cells_depth",
+     "",
+     {"0", "255"},
+     {"-1", "256", "1.5"},
+     {"0", "255"},
+     {"-1", "256", "0.5"},
+     kNotANumber},
+    {"region",
+     "",
+     {"0,0,640,480", "639,479,640,480"},
+     {"", "0,0,640", "0,0,640,480,0", "0,0,641,480", "0,0,640,481", "5,0,5,1", "6,0,5,1", "0,5,1,5",
+      "-1,0,1,1", "0,0,1.5,1"},
+     {"[0,0,640,480]"},
+     {"[0,0,641,480]", "[0,0,0,0]", "[-1,0,1,1]", "[0,0,1.5,1]"},
+     {"null", "true", "1", "\"0,0,1,1\"", "{}", "[]", "[0,0,1]", "[0,0,1,1,1]", "[0,0,1,null]"}},
+    {"seed",
+     "0",
+     {"0", "9007199254740993", "9223372036854775807"},
+     {"-1", "9223372036854775808", "1.5"},
+     {"0", "9007199254740993", "9223372036854775807"},
+     {"-1", "9223372036854775808", "9007199254740993.0", "1e17"},
+     kNotANumber},
+    {"budget_ms",
+     "",
+     {"1", "600000"},
+     {"", "0", "600001", "-1", "1.5"},
+     {"1", "600000"},
+     {"0", "600001", "1.5"},
+     kNotANumber},
+    {"max_noise",
+     "",
+     {"1e-9", "1", "0.01"},
+     {"", "0", "-1", "1.01", "nan", "inf"},
+     {"1e-9", "1"},
+     {"0", "-0.0", "1.01"},
+     kNotANumber},
+    {"max_samples",
+     "1024",
+     {"1", "1024"},
+     {"", "0", "1025", "1.5"},
+     {"1", "1024"},
+     {"0", "1025", "1.5"},
+     kNotANumber},
+    {"deadline_ms",
+     "",
+     {"1", "600000"},
+     {"0", "600001", "-1", "1.5"},
+     {"1", "600000"},
+     {"0", "600001"},
+     kNotANumber},
+};
+
+std::string Named(const FieldCase& c, std::string_view text) {
+  return std::string(c.name) + "=" + std::string(text);
+}
+std::string JsonNamed(const FieldCase& c, std::string_view json) {
+  return "{\"" + std::string(c.name) + "\":" + std::string(json) + "}";
+}
+
+TEST(RenderFields, AreAllInThisTest) {
+  std::vector<std::string_view> tested, fields;
+  for (const FieldCase& c : kRenderCases) tested.push_back(c.name);
+  for (const auto& field : RenderFields(kLimits).fields) fields.push_back(field.name);
+  EXPECT_EQ(tested, fields);
+}
+
+TEST(RenderFields, KeepTheirDefaultWhenLeftOut) {
+  std::string canonical;
+  for (const FieldCase& c : kRenderCases) {
+    if (c.missing.empty()) continue;
+    canonical += (canonical.empty() ? "" : "&") + Named(c, c.missing);
+  }
+  EXPECT_EQ(CanonicalQuery(*Query("")), canonical);
+  EXPECT_EQ(CanonicalQuery(*Body("{}")), canonical);
+  EXPECT_EQ(CanonicalQuery(RenderRequest{}), canonical);
+}
+
+TEST(RenderFields, TakeEveryValueUpToTheirLimits) {
+  for (const FieldCase& c : kRenderCases) {
+    // The image must be small enough for the limits, and the projection the one of the field.
+    const std::string small = c.name == "width"    ? "&height=1&region=0,0,1,1"
+                              : c.name == "height" ? "&width=1&region=0,0,1,1"
+                                                   : "";
+    const bool ortho = c.name == "view_height";
+    for (const std::string_view text : c.good_text) {
+      const auto request =
+          Query(Named(c, text) + small + (ortho ? "&projection=orthographic" : ""));
+      EXPECT_TRUE(request) << Named(c, text) << ": " << request.problem().detail;
+    }
+    for (const std::string_view json : c.good_json) {
+      std::string body = JsonNamed(c, json);
+      if (!small.empty()) body.insert(1, "\"region\":[0,0,1,1],");
+      if (ortho) body.insert(1, "\"projection\":\"orthographic\",");
+      const auto request = Body(body);
+      EXPECT_TRUE(request) << body << ": " << request.problem().detail;
+    }
+  }
+}
+
+TEST(RenderFields, RefuseOtherParametersByName) {
+  for (const FieldCase& c : kRenderCases) {
+    for (const std::string_view text : c.bad_text) {
+      const auto request = Query(Named(c, text));
+      ASSERT_FALSE(request) << Named(c, text);
+      EXPECT_EQ(request.problem().code, ErrorCode::kInvalidParameter) << Named(c, text);
+      EXPECT_EQ(request.problem().parameter, c.name) << Named(c, text);
+      EXPECT_THAT(request.problem().detail, HasSubstr(c.name)) << Named(c, text);
+    }
+  }
+}
+
+TEST(RenderFields, RefuseOtherJsonValuesByPointer) {
+  for (const FieldCase& c : kRenderCases) {
+    const auto expect_refusal = [&](std::string_view json, ErrorCode code) {
+      const auto request = Body("\n" + JsonNamed(c, json));
+      ASSERT_FALSE(request) << JsonNamed(c, json);
+      EXPECT_EQ(request.problem().code, code) << JsonNamed(c, json);
+      EXPECT_THAT(*request.problem().parameter, testing::StartsWith("/" + std::string(c.name)))
+          << JsonNamed(c, json);
+    };
+    for (const auto json : c.bad_json) expect_refusal(json, ErrorCode::kInvalidParameter);
+    for (const auto json : c.wrong_kind_json) expect_refusal(json, ErrorCode::kInvalidJson);
+    expect_refusal("1e999", ErrorCode::kInvalidJson);
+  }
+}
+
+TEST(RenderFields, RefuseToComeTwice) {
+  for (const FieldCase& c : kRenderCases) {
+    const std::string text = Named(c, c.good_text[0]);
+    const auto query = Query(text + "&" + text);
+    ASSERT_FALSE(query) << text;
+    EXPECT_EQ(query.problem().code, ErrorCode::kInvalidParameter);
+    EXPECT_EQ(query.problem().parameter, c.name);
+    EXPECT_THAT(query.problem().detail, HasSubstr("twice"));
+
+    const std::string member = "\"" + std::string(c.name) + "\":" + std::string(c.good_json[0]);
+    const auto body = Body("{" + member + "," + member + "}");
+    ASSERT_FALSE(body) << member;
+    EXPECT_EQ(body.problem().code, ErrorCode::kInvalidJson);
+    EXPECT_EQ(body.problem().parameter, "/" + std::string(c.name));
+    EXPECT_THAT(body.problem().detail, HasSubstr("repeated"));
+  }
+}
+
+// ---- Random requests there and back ----
+
+/// A value that `kind` takes.
+FieldValue RandomValue(const FieldKind& kind, std::mt19937_64& random) {
+  const auto integer = [&](std::int64_t min, std::int64_t max) {
+    return std::uniform_int_distribution<std::int64_t>(min, max)(random);
+  };
+  const auto number = [&](double min, double max) {
+    const double wide = std::ldexp(std::uniform_real_distribution<double>(-1, 1)(random),
+                                   static_cast<int>(integer(-300, 300)));
+    const double inside = std::clamp(wide, min, max);
+    return inside == min || inside == max ? 0.25 : inside;
+  };
+  if (const auto* k = std::get_if<IntegerKind>(&kind)) return integer(k->min, k->max);
+  if (const auto* k = std::get_if<NumberKind>(&kind)) return number(k->min, k->max);
+  if (const auto* k = std::get_if<VectorKind>(&kind)) {
+    if (!k->word.empty() && integer(0, 1)) return std::string(k->word);
+    return std::vector<double>{number(k->min, k->max), number(k->min, k->max),
+                               number(k->min, k->max)};
+  }
+  if (const auto* k = std::get_if<ChoiceKind>(&kind)) {
+    return integer(0, static_cast<std::int64_t>(k->names.size()) - 1);
+  }
+  return std::vector<std::int64_t>{0, 0, 1, 1};  // the region
+}
+
+/// A parameter's text as the JSON value that means the same.
+std::string AsJson(const FieldKind& kind, const std::string& text) {
+  if (std::holds_alternative<ChoiceKind>(kind) || text == "transparent") return '"' + text + '"';
+  const bool list =
+      std::holds_alternative<VectorKind>(kind) || std::holds_alternative<IntegersKind>(kind);
+  return list ? '[' + text + ']' : text;
+}
+
+// ---- Fields that belong to a projection, a mode or a form ----
+
+struct Belonging {
+  std::string_view field, text, default_text;               ///< default: empty without one
+  std::vector<std::string_view> projections, modes, forms;  ///< empty: all
+};
+
+const std::vector<std::string_view> kSampledModes = {"shaded", "normal"};
+const std::vector<Belonging> kBelongings = {
+    {"fov_deg", "50", "40", {"perspective"}, {}, {}},
+    {"view_height", "2", "", {"orthographic"}, {}, {}},
+    {"samples", "4", "1", {}, kSampledModes, {}},
+    {"seed", "3", "0", {}, kSampledModes, {}},
+    {"max_samples", "64", "1024", {}, kSampledModes, {}},
+    {"max_noise", "0.1", "", {}, kSampledModes, {}},
+    {"budget_ms", "50", "", {}, kSampledModes, {}},
+    {"color", "1,0,0", "0.93,0.88,0.81", {}, {"shaded"}, {}},
+    {"background", "transparent", "", {}, {}, {"render.png"}},
+    {"background", "0.5,0.5,0.5", "", {}, {}, {"render.png"}},
+};
+
+bool Holds(const std::vector<std::string_view>& names, std::string_view name) {
+  return names.empty() || std::find(names.begin(), names.end(), name) != names.end();
+}
+
+bool IsUsed(std::string_view field, const RenderRequest& request) {
+  return std::all_of(kBelongings.begin(), kBelongings.end(), [&](const Belonging& b) {
+    return b.field != field ||
+           (Holds(b.projections, Name(request.projection)) && Holds(b.modes, Name(request.mode)));
+  });
+}
+
+TEST(UnusedFields, AreRefusedByNameUnlessTheyHaveTheirDefault) {
+  for (const std::string_view projection : kProjectionNames) {
+    for (const std::string_view mode : kRenderModeNames) {
+      const std::string kind =
+          "projection=" + std::string(projection) + "&mode=" + std::string(mode);
+      const std::string json = "{\"projection\":\"" + std::string(projection) + "\",\"mode\":\"" +
+                               std::string(mode) + "\",";
+      for (const auto& [form, form_name] :
+           {std::pair(ImageForm::kPng, "render.png"), {ImageForm::kNpy, "render.npy"}}) {
+        for (const Belonging& b : kBelongings) {
+          const std::string name(b.field), text(b.text);
+          const auto query = [&](std::string_view value) {
+            return DecodeRenderQuery(kind + "&" + name + "=" + std::string(value), form, kLimits);
+          };
+          const bool is_list = text.find(',') != std::string::npos;
+          const std::string value = is_list                 ? "[" + text + "]"
+                                    : text == "transparent" ? "\"transparent\""
+                                                            : text;
+          const auto body = DecodeRenderBody(json + "\"" + name + "\":" + value + "}", form,
+                                             std::nullopt, kLimits);
+          const bool is_used =
+              Holds(b.projections, projection) && Holds(b.modes, mode) && Holds(b.forms, form_name);
+          SCOPED_TRACE(kind + " " + form_name + " " + name + "=" + text);
+          ASSERT_EQ(query(text).ok(), is_used);
+          ASSERT_EQ(body.ok(), is_used);
+          ASSERT_TRUE(b.default_text.empty() || query(b.default_text));
+          if (is_used) continue;
+          EXPECT_EQ(query(text).problem().code, ErrorCode::kInvalidParameter);
+          EXPECT_EQ(query(text).problem().parameter, name);
+          EXPECT_EQ(body.problem().code, ErrorCode::kInvalidParameter);
+          EXPECT_EQ(body.problem().parameter, "/" + name);
+          for (const auto* owners : {&b.projections, &b.modes, &b.forms}) {
+            for (const std::string_view owner : *owners) {
+              EXPECT_THAT(query(text).problem().detail, HasSubstr(owner));
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(UnusedFields, MayHoldTheBackgroundThatTheModeHas) {
+  for (const std::string mode : {"shaded", "normal", "depth", "triangle"}) {
+    const bool white = mode == "shaded";
+    const auto npy = [&](const char* background) {
+      return DecodeRenderQuery("mode=" + mode + "&background=" + background, ImageForm::kNpy,
+                               kLimits);
+    };
+    EXPECT_EQ(npy("1,1,1").ok(), white) << mode;
+    EXPECT_EQ(npy("0,0,0").ok(), !white) << mode;
+  }
+}
+
+TEST(UnusedFields, AreKnownFieldsEachOfThem) {
+  const FieldTable<RenderRequest> table = RenderFields(kLimits);
+  for (const Belonging& b : kBelongings) EXPECT_NE(FindField(table, b.field), nullptr) << b.field;
+}
+
+TEST(RenderRequests, MeanTheSameAsParametersInAnyOrderAndInJson) {
+  auto random = test::RandomEngine(1101);
+  const FieldTable<RenderRequest> table = RenderFields(kLimits);
+  for (int round = 0; round < 2000; ++round) {
+    RenderRequest request;
+    std::vector<std::string> pieces;
+    std::string json = "{";
+    for (const Field<RenderRequest>& field : table.fields) {
+      if (random() % 2 || !IsUsed(field.name, request)) continue;
+      // Refused together with samples.
+      const bool decides = field.name == "budget_ms" || field.name == "max_noise";
+      if (decides && request.samples > 1) continue;
+      // Whole images of random sides would mostly be too large.
+      const bool side = field.name == "width" || field.name == "height";
+      const FieldKind kind = side ? IntegerKind{1, 4096} : field.kind;
+      const FieldValue value = RandomValue(kind, random);
+      field.set(request, value);
+      const std::string text = WriteText(kind, value);
+      pieces.push_back(std::string(field.name) + '=' + text);
+      json +=
+          (json.size() > 1 ? ",\"" : "\"") + std::string(field.name) + "\": " + AsJson(kind, text);
+    }
+    std::shuffle(pieces.begin(), pieces.end(), random);
+    std::string query;
+    for (const std::string& piece : pieces) query += (query.empty() ? "" : "&") + piece;
+    const auto from_query = Query(query), from_json = Body(json + '}');
+    ASSERT_TRUE(from_query) << query << ": " << from_query.problem().detail;
+    ASSERT_TRUE(from_json) << json << "}: " << from_json.problem().detail;
+    EXPECT_EQ(CanonicalQuery(*from_query), CanonicalQuery(request)) << query;
+    EXPECT_EQ(CanonicalQuery(*from_json), CanonicalQuery(request)) << json;
+    EXPECT_EQ(from_query->deadline_ms, request.deadline_ms);
+    EXPECT_EQ(from_json->deadline_ms, request.deadline_ms);
+  }
+}
+
+// ---- What no field sees alone ----
+
+}  // namespace
+}  // namespace kdray::api
