@@ -111,8 +111,8 @@ inline constexpr std::size_t kBudgetBytesPerPixel = 64;
 /// on the number of threads, nor on the region, so regions put together equal the whole bit for
 /// bit. Only the mode's values are computed. Memory: 16 bytes a pixel at most, and some 0.5 MB a
 /// thread; with a budget kBudgetBytesPerPixel besides. `progress` may be null; it reaches 1.
-/// Errors: kInvalidArgument (with Error::field), kCancelled, kDeadlineExceeded. Safe from many threads
-/// at once.
+/// Errors: kInvalidArgument (with Error::field), kCancelled, kDeadlineExceeded. Safe from many
+/// threads at once.
 Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec,
                              const CancelToken& cancel = {}, Progress* progress = nullptr);
 

@@ -82,7 +82,8 @@ TEST(Npy, SaysWhatIsWrongWithADamagedHeader) {
       {FileWithHeader("{'descr': [('t', '<f4'}"), "not closed"},
       {FileWithHeader("{'descr': 4, 'fortran_order': False, 'shape': (2,), }"), "neither a word"},
       {FileWithHeader("{'descr': '<f4', 'fortran_order': 0, 'shape': (2,), }"), "True nor False"},
-      {FileWithHeader("{'descr': '<f4', 'fortran_order': False, 'shape': (-2,), }"), "not a number"},
+      {FileWithHeader("{'descr': '<f4', 'fortran_order': False, 'shape': (-2,), }"),
+       "not a number"},
       {FileWithHeader("{'descr': '<f4', 'fortran_order': False, 'shape': (2 "), "too early"},
       {FileWithHeader("{'descr': '<f4', 'evil': 'x', }"), "unknown header key"},
   };

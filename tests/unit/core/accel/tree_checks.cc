@@ -160,8 +160,7 @@ void CheckReachability(const core::BoxList& tree, const TriangleMesh& mesh) {
 void CheckLayout(const core::KdTree& tree, std::size_t triangle_count) {
   if (tree.bounds != Bounds3f::Empty()) CheckBox(tree.bounds);
   CheckPrimitives(tree.primitives, triangle_count);
-  for (const KdNode& node : tree.nodes)
-    if (!node.IsLeaf()) ASSERT_TRUE(std::isfinite(node.split()));
+  for (const KdNode& node : tree.nodes) ASSERT_TRUE(node.IsLeaf() || std::isfinite(node.split()));
   CheckDepthFirst(
       std::span<const KdNode>(tree.nodes), core::KdTree::kMaxDepth, tree.primitives.size(),
       [](const KdNode& node) { return node.above_child(); },

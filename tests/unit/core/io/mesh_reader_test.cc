@@ -61,7 +61,8 @@ TEST(MeshReader, NamesWhatItDoesNotReadAndWhatToSendInstead) {
   const std::string unknown = "in no known format (they begin with ";
   for (const Case& c : {
            Case{std::string("glTF\2\0\0\0", 8), "a GLB file", "this version does not read it"},
-           Case{"{\"asset\": {\"version\": \"2.0\"}}", "a glTF file", "this version does not read it"},
+           Case{"{\"asset\": {\"version\": \"2.0\"}}", "a glTF file",
+                "this version does not read it"},
            Case{" {}", "JSON, perhaps a glTF file", ""},
            Case{"[1, 2]", "JSON", ""},
            Case{"\x1f\x8b\x08", "gzip data", unpack},
