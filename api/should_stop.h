@@ -7,10 +7,10 @@
 
 namespace kdray::api {
 
-/// Asked now and then, from the calling thread; true ends the work. Empty: never.
+/// Called now and then from the calling thread. True ends the work. An empty one never does.
 using ShouldStop = std::function<bool()>;
 
-/// Asks once in so many rows.
+/// Calls a ShouldStop once in kRowsPerLook rows.
 class StopPoll {
  public:
   explicit StopPoll(ShouldStop should_stop) : should_stop_(std::move(should_stop)) {}

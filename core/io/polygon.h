@@ -30,8 +30,8 @@ class PolygonCutter {
  public:
   /// Memory for each corner of the largest concave polygon; the destructor frees it.
   static constexpr std::size_t kScratchBytesPerCorner = EarCutter::kScratchBytesPerCorner + 16;
-  /// Limits of the steps (about nanoseconds) that a file may cost: this many, and so many more for
-  /// each corner of a polygon. A corner usually takes 1,000 to 3,000.
+  /// A file may cost kStepsPerFile steps (about nanoseconds), and kStepsPerCorner more for each
+  /// corner of a polygon. A corner usually takes 1,000 to 3,000.
   static constexpr std::uint64_t kStepsPerFile = 8'000'000'000;
   static constexpr std::uint64_t kStepsPerCorner = 4'000;
 

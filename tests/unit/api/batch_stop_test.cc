@@ -19,7 +19,7 @@ using std::chrono::nanoseconds;
 
 constexpr std::size_t kRows = 200'000;
 
-// Says no so many times, then yes, and remembers when.
+// Answers no `noes` times, then yes, and remembers when.
 class Stopper {
  public:
   explicit Stopper(std::uint64_t noes) : noes_(noes) {}
