@@ -42,7 +42,8 @@ void MeshCounts::AddFace(std::uint64_t corners) {
 
 std::uint64_t MeshCounts::ReadBytes() const {
   return vertices * sizeof(Vec3d) + triangles * sizeof(TriangleIndices) +
-         most_corners * sizeof(std::uint32_t) + most_cut * PolygonCutter::kScratchBytesPerCorner;
+         most_corners * sizeof(std::uint32_t) + most_cut * PolygonCutter::kScratchBytesPerCorner +
+         other_bytes;
 }
 
 Result<MeshData> ReadMesh(std::span<const std::byte> bytes, const MeshReadOptions& options) {

@@ -19,6 +19,7 @@ struct MeshCounts {
   std::uint64_t triangles = 0;
   std::uint64_t most_corners = 0;  ///< of a polygon
   std::uint64_t most_cut = 0;      ///< of a polygon that may need ear clipping
+  std::uint64_t other_bytes = 0;   ///< memory of the reader and the attributes besides
 
   /// Counts a polygon, in the counting pass.
   void AddFace(std::uint64_t corners);
@@ -26,11 +27,15 @@ struct MeshCounts {
   std::uint64_t ReadBytes() const;
 };
 
+class AttributeSink;
+
 struct MeshReadOptions {
   CancelToken cancel;
   /// Called with the counts before memory is allocated for them, and again when more is known. Its
   /// error ends the reading.
   std::function<Status(const MeshCounts&)> on_counts = nullptr;
+  /// Gets what the file says besides triangles (core/io/attribute_sink.h); null: nobody asks.
+  AttributeSink* attributes = nullptr;
 
   Status Counted(const MeshCounts& counts) const {
     return on_counts ? on_counts(counts) : Status();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "core/base/cancel_poll.h"
+#include "core/io/attribute_sink.h"
 #include "core/io/claimed_rows.h"
 #include "core/io/mesh_error.h"
 #include "core/io/parse_text.h"
@@ -40,20 +42,36 @@ bool HasNames(std::string_view keyword) {
          keyword.starts_with("map_");
 }
 
-// The number before the first slash. The numbers of texture coordinates and normals that follow are
-// checked but not used.
-std::optional<std::int64_t> ParseCorner(std::string_view word) {
-  const std::size_t slash = word.find('/');
-  if (slash == std::string_view::npos) return ParseInteger(word);
-  std::string_view rest = word.substr(slash + 1);
-  const std::size_t second = rest.find('/');
-  if (second != std::string_view::npos) {
-    const std::string_view normal = rest.substr(second + 1);
-    if (!normal.empty() && !ParseInteger(normal)) return std::nullopt;
-    rest = rest.substr(0, second);
+// The numbers of a face's corner: of its vertex, texture coordinates and normal. 0: not given.
+struct Corner {
+  std::int64_t vertex = 0;
+  std::int64_t uv = 0;
+  std::int64_t normal = 0;
+};
+
+std::optional<Corner> ParseCorner(std::string_view word) {
+  std::array<std::int64_t, 3> numbers{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::size_t slash = i < 2 ? word.find('/') : std::string_view::npos;
+    const std::string_view part = word.substr(0, slash);
+    if (!part.empty() || i == 0) {
+      const std::optional<std::int64_t> number = ParseInteger(part);
+      if (!number) return std::nullopt;
+      numbers[i] = *number;
+    }
+    if (slash == std::string_view::npos) break;
+    word.remove_prefix(slash + 1);
   }
-  if (!rest.empty() && !ParseInteger(rest)) return std::nullopt;
-  return ParseInteger(word.substr(0, slash));
+  return Corner{numbers[0], numbers[1], numbers[2]};
+}
+
+// The words of a statement that names a group, with the blanks between them.
+std::string_view GroupName(std::string_view keyword, TextCursor rest) {
+  const std::string_view first = rest.NextWord();
+  std::string_view last = first;
+  for (std::string_view word = first; !word.empty(); word = rest.NextWord()) last = word;
+  if (first.empty()) return keyword == "g" ? "default" : "";  // the specification's name for it
+  return {first.data(), static_cast<std::size_t>(last.data() + last.size() - first.data())};
 }
 
 // Walks over the text three times: the first counts, so memory is allocated once and exactly; the
@@ -62,8 +80,14 @@ std::optional<std::int64_t> ParseCorner(std::string_view word) {
 class ObjReader {
  public:
   ObjReader(std::string_view text, const MeshReadOptions& options)
-      : text_(text), options_(options), cancel_(options.cancel), cutter_(&data_, options.cancel) {
+      : text_(text),
+        options_(options),
+        sink_(options.attributes),
+        cancel_(options.cancel),
+        cutter_(&data_, options.cancel, PolygonCutter::kStepsPerFile,
+                sink_ != nullptr ? sink_->cuts() : nullptr) {
     data_.format = MeshFormat::kObj;
+    if (sink_ != nullptr) sink_->Begin();
   }
 
   Result<MeshData> Read() {
@@ -102,10 +126,13 @@ class ObjReader {
     }
   }
 
+  bool Wants(AttributeKind kind) const { return sink_ != nullptr && sink_->Wants(kind); }
+
   Status Count() {
     Status status = ForEachStatement([&](std::string_view keyword, TextCursor& cursor) -> Status {
       if (keyword == "v") {
         ++counts_.vertices;
+        if (!has_colors_ && Wants(AttributeKind::kColor)) has_colors_ = HasColor(cursor);
       } else if (IsFace(keyword)) {
         std::size_t corners = 0;
         while (!cursor.NextWord().empty()) ++corners;
@@ -113,10 +140,13 @@ class ObjReader {
       } else if (!MayBeginStatement(keyword)) {
         return AtLine(cursor.line(),
                       Quoted(keyword) + " does not begin a statement of an OBJ file");
+      } else if (sink_ != nullptr) {
+        CountAttribute(keyword);
       }
       return {};
     });
     if (!status.ok()) return status;
+    PlanAttributes();
     if (counts_.triangles > kMaxTriangles || counts_.vertices > kMaxVertices) {
       return Error{ErrorCode::kMeshTooLarge,
                    "the OBJ file has " + std::to_string(counts_.triangles) + " triangles and " +
@@ -126,12 +156,85 @@ class ObjReader {
     }
     if (Status told = options_.Counted(counts_); !told.ok()) return told;
     corners_.reserve(counts_.most_corners);
+    if (sink_ != nullptr) sink_->Plan(attributes_);
     return {};
+  }
+
+  // "v x y z r g b"; the fourth number alone is a weight.
+  static bool HasColor(TextCursor cursor) {
+    for (int i = 0; i < 6; ++i) {
+      if (cursor.NextWord().empty()) return false;
+    }
+    return true;
+  }
+
+  void CountAttribute(std::string_view keyword) {
+    if (keyword == "vt") {
+      attributes_.uvs += Wants(AttributeKind::kUv) ? 1 : 0;
+    } else if (keyword == "vn") {
+      attributes_.normals += Wants(AttributeKind::kShadingNormal) ? 1 : 0;
+    } else if (keyword == "o" || keyword == "g" || keyword == "usemtl") {
+      ++attributes_.groups;
+      const bool is_better =
+          keyword == "o" || group_keyword_.empty() || (keyword == "g" && group_keyword_ != "o");
+      if (is_better) group_keyword_ = keyword;
+    }
+  }
+
+  void PlanAttributes() {
+    if (sink_ == nullptr) return;
+    attributes_.triangles = counts_.triangles;
+    attributes_.vertex_colors = has_colors_ ? counts_.vertices : 0;
+    attributes_.has_vertex_values = has_colors_;
+    attributes_.has_corner_uvs = attributes_.uvs != 0;
+    attributes_.has_corner_normals = attributes_.normals != 0;
+    counts_.other_bytes = sink_->PlannedBytes(attributes_);
+    // What follows a polygon: its cuts, and two more numbers for each of its corners.
+    if (sink_->cuts() != nullptr) {
+      counts_.other_bytes += counts_.most_corners * 2 * (sizeof(TriangleIndices) + 8);
+    }
+  }
+
+  // As many of a statement's numbers as there are; the others are 0, and one that is none is NaN.
+  static Vec3d ReadNumbers(TextCursor& cursor, int count) {
+    Vec3d numbers;
+    for (int i = 0; i < count; ++i) {
+      const std::string_view word = cursor.NextWord();
+      if (word.empty()) break;
+      numbers[i] = ParseNumber(word).value_or(std::numeric_limits<double>::quiet_NaN());
+    }
+    return numbers;
+  }
+
+  void ReadAttribute(std::string_view keyword, TextCursor& cursor) {
+    if (keyword == "vt" && Wants(AttributeKind::kUv)) {
+      const Vec3d uv = ReadNumbers(cursor, 2);
+      sink_->AddUv(uv.x, uv.y);
+    } else if (keyword == "vn" && Wants(AttributeKind::kShadingNormal)) {
+      sink_->AddNormal(ReadNumbers(cursor, 3));
+    }
+  }
+
+  void ReadColor(TextCursor& cursor) {
+    if (HasThreeMore(cursor)) {
+      sink_->AddVertexColor(ReadNumbers(cursor, 3));
+    } else {
+      sink_->AddVertexWithoutColor();
+    }
+  }
+  static bool HasThreeMore(TextCursor cursor) {
+    for (int i = 0; i < 3; ++i) {
+      if (cursor.NextWord().empty()) return false;
+    }
+    return true;
   }
 
   Status ReadVertices() {
     return ForEachStatement([&](std::string_view keyword, TextCursor& cursor) -> Status {
-      if (keyword != "v") return {};
+      if (keyword != "v") {
+        if (sink_ != nullptr) ReadAttribute(keyword, cursor);
+        return {};
+      }
       Vec3d vertex;
       for (int axis = 0; axis < 3; ++axis) {
         const std::string_view word = cursor.NextWord();
@@ -142,32 +245,66 @@ class ObjReader {
       all_valid_ = all_valid_ && IsValidVertex(vertex);
       MakeRoom(data_.vertices, counts_.vertices, text_.size());
       data_.vertices.push_back(vertex);
+      if (has_colors_) ReadColor(cursor);
       return {};
     });
   }
 
+  // The statements of each kind before a line.
+  struct Seen {
+    std::int64_t vertices = 0;
+    std::int64_t uvs = 0;
+    std::int64_t normals = 0;
+  };
+
   Status ReadFaces() {
-    std::int64_t vertices_so_far = 0;
+    Seen seen;
     return ForEachStatement([&](std::string_view keyword, TextCursor& cursor) -> Status {
-      if (keyword == "v") ++vertices_so_far;
-      if (!IsFace(keyword)) return {};
-      corners_.clear();
-      for (;;) {
-        const std::string_view word = cursor.NextWord();
-        if (word.empty()) break;
-        const std::optional<std::int64_t> number = ParseCorner(word);
-        if (!number) return AtLine(cursor.line(), Quoted(word) + " is not a corner of a face");
-        const std::int64_t index = *number < 0 ? vertices_so_far + *number : *number - 1;
-        if (index < 0 || std::cmp_greater_equal(index, data_.vertices.size())) {
-          return AtLine(cursor.line(), WhyNoVertex(*number, vertices_so_far));
-        }
-        corners_.push_back(static_cast<std::uint32_t>(index));
-      }
-      MakeRoom(data_.triangles, counts_.triangles, text_.size(), corners_.size());
-      Status status = cutter_.Add(corners_);
-      if (!status.ok()) return AtLine(cursor.line(), std::move(status).error());
+      if (keyword == "v") ++seen.vertices;
+      if (IsFace(keyword)) return ReadFace(seen, cursor);
+      if (sink_ == nullptr) return {};
+      if (keyword == "vt") ++seen.uvs;
+      if (keyword == "vn") ++seen.normals;
+      if (keyword == group_keyword_) sink_->SetGroup(GroupName(keyword, cursor.RestOfLine()));
       return {};
     });
+  }
+
+  Status ReadFace(const Seen& seen, TextCursor& cursor) {
+    corners_.clear();
+    corner_uvs_.clear();
+    corner_normals_.clear();
+    for (;;) {
+      const std::string_view word = cursor.NextWord();
+      if (word.empty()) break;
+      const std::optional<Corner> corner = ParseCorner(word);
+      if (!corner) return AtLine(cursor.line(), Quoted(word) + " is not a corner of a face");
+      const std::int64_t number = corner->vertex;
+      const std::int64_t index = number < 0 ? seen.vertices + number : number - 1;
+      if (index < 0 || std::cmp_greater_equal(index, data_.vertices.size())) {
+        return AtLine(cursor.line(), WhyNoVertex(number, seen.vertices));
+      }
+      corners_.push_back(static_cast<std::uint32_t>(index));
+      if (attributes_.has_corner_uvs) {
+        corner_uvs_.push_back(PlaceOf(corner->uv, seen.uvs, attributes_.uvs));
+      }
+      if (attributes_.has_corner_normals) {
+        corner_normals_.push_back(PlaceOf(corner->normal, seen.normals, attributes_.normals));
+      }
+    }
+    MakeRoom(data_.triangles, counts_.triangles, text_.size(), corners_.size());
+    Status status = cutter_.Add(corners_);
+    if (!status.ok()) return AtLine(cursor.line(), std::move(status).error());
+    if (sink_ != nullptr) sink_->AddFace({corners_, corner_uvs_, corner_normals_}, &cancel_);
+    return {};
+  }
+
+  // The place in its table of a number of texture coordinates or a normal; a wrong number has none.
+  static std::uint32_t PlaceOf(std::int64_t number, std::int64_t so_far, std::uint64_t count) {
+    const std::int64_t place = number < 0 ? so_far + number : number - 1;
+    const bool is_there =
+        place >= 0 && std::cmp_less(place, count) && std::cmp_less(place, AttributeSink::kNoValue);
+    return is_there ? static_cast<std::uint32_t>(place) : AttributeSink::kNoValue;
   }
 
   Status CheckVertices() {
@@ -195,11 +332,17 @@ class ObjReader {
   std::string_view text_;
   MeshCounts counts_;
   const MeshReadOptions& options_;
+  AttributeSink* sink_;  // or null
   CancelPoll cancel_;
   MeshData data_;
   PolygonCutter cutter_;
   std::vector<std::uint32_t> corners_;
   bool all_valid_ = true;  // the coordinates of all vertices
+  AttributeSink::Counts attributes_;
+  bool has_colors_ = false;         // a vertex has one, and somebody asks
+  std::string_view group_keyword_;  // the statement whose names are groups
+  std::vector<std::uint32_t> corner_uvs_;
+  std::vector<std::uint32_t> corner_normals_;
 };
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/base/cancel_poll.h"
+#include "core/io/attribute_sink.h"
 #include "core/io/claimed_rows.h"
 #include "core/io/foreign_files.h"
 #include "core/io/format_sniffer.h"
@@ -22,7 +23,9 @@ namespace {
 struct Keyword {
   bool has_other_dimension = false;
   std::uint64_t numbers = 3;  // of a vertex
-  std::string_view rest;      // attached to it: "8" of "OFF8"
+  bool has_normals = false;
+  bool has_colors = false;
+  std::string_view rest;  // attached to it: "8" of "OFF8"
 };
 
 std::optional<Keyword> ParseKeyword(std::string_view word) {
@@ -39,8 +42,10 @@ std::optional<Keyword> ParseKeyword(std::string_view word) {
       keyword.numbers += 2;
     } else if (pass("C")) {
       keyword.numbers += 4;
+      keyword.has_colors = true;
     } else if (pass("N")) {
       keyword.numbers += 3;
+      keyword.has_normals = true;
     } else if (pass("4") || pass("n")) {
       keyword.has_other_dimension = true;
     } else {
@@ -72,7 +77,9 @@ class OffReader {
         cursor_(text, {.hash_comments = true}, 1, &cancel_),
         body_(cursor_),
         file_bytes_(text.size()),
-        cutter_(&data_, options.cancel) {}
+        sink_(options.attributes),
+        cutter_(&data_, options.cancel, PolygonCutter::kStepsPerFile,
+                sink_ != nullptr ? sink_->cuts() : nullptr) {}
 
   // Nearly every file has one row a line, which separates a broken row from the next. The manual
   // allows numbers on any line, and programs write more numbers after a vertex than the keyword
@@ -101,6 +108,8 @@ class OffReader {
     if (const std::optional<Keyword> keyword = ParseKeyword(word)) {
       has_keyword_ = true;
       numbers_ = keyword->numbers;
+      has_vertex_colors_ = keyword->has_colors && Wants(AttributeKind::kColor);
+      color_begin_ = keyword->has_normals ? 6 : 3;
       word = keyword->rest.empty() ? cursor_.NextWord() : keyword->rest;
       if (keyword->has_other_dimension || word == "BINARY") {
         Error error = Broken("only ascii OFF files with three coordinates are supported");
@@ -168,6 +177,7 @@ class OffReader {
 
   Result<MeshData> ReadBody(Layout layout) {
     layout_ = layout;
+    if (sink_ != nullptr) sink_->Begin();
     data_ = {};
     data_.format = MeshFormat::kOff;
     all_valid_ = true;
@@ -231,9 +241,50 @@ class OffReader {
     return {};
   }
 
+  bool Wants(AttributeKind kind) const { return sink_ != nullptr && sink_->Wants(kind); }
+
+  // The three numbers after `skip` others of the row that the cursor is in; nullopt if they are not
+  // there.
+  std::optional<Vec3d> ReadColor(std::size_t skip, bool on_any_line) const {
+    TextCursor ahead = cursor_;
+    Vec3d color;
+    for (std::size_t i = 0; i < skip + 3; ++i) {
+      const std::string_view word = on_any_line ? ahead.NextWordOnAnyLine() : ahead.NextWord();
+      const std::optional<double> number = ParseNumber(word);
+      if (!number) return std::nullopt;
+      if (i >= skip) color[static_cast<int>(i - skip)] = *number;
+    }
+    return color;
+  }
+
+  void AddVertexColor() {
+    if (const auto color = ReadColor(color_begin_ - 3, is_free())) {
+      sink_->AddVertexColor(*color);
+    } else {
+      sink_->AddVertexWithoutColor();
+    }
+  }
+
+  // Faces may have colours of their own, whatever the keyword says.
+  void PlanAttributes(MeshCounts* counts) {
+    if (sink_ == nullptr) return;
+    planned_.triangles = counts->triangles;
+    planned_.vertex_colors = has_vertex_colors_ ? vertices_ : 0;
+    planned_.has_vertex_values = has_vertex_colors_;
+    planned_.has_face_colors = Wants(AttributeKind::kColor) && !has_vertex_colors_;
+    counts->other_bytes = sink_->PlannedBytes(planned_);
+    if (sink_->cuts() != nullptr) {
+      counts->other_bytes += counts->most_corners * 2 * sizeof(TriangleIndices);
+    }
+  }
+
   Status ReadVertices() {
-    if (Status told = options_.Counted({.vertices = vertices_}); !told.ok()) return told;
+    MeshCounts counts{.vertices = vertices_};
+    PlanAttributes(&counts);
+    if (Status told = options_.Counted(counts); !told.ok()) return told;
+    if (sink_ != nullptr) sink_->Plan(planned_);
     return ForEachVertex([&](const Vec3d& vertex, std::uint64_t) {
+      if (has_vertex_colors_) AddVertexColor();
       MakeRoom(data_.vertices, vertices_, file_bytes_);
       data_.vertices.push_back(vertex);
       all_valid_ = all_valid_ && IsValidVertex(vertex);
@@ -294,7 +345,9 @@ class OffReader {
                    "the OFF file has " + std::to_string(counts.triangles) + " triangles; at most " +
                        std::to_string(kMaxTriangles) + " are allowed"};
     }
+    PlanAttributes(&counts);
     if (Status told = options_.Counted(counts); !told.ok()) return told;
+    if (sink_ != nullptr) sink_->Plan(planned_);
     triangles_ = counts.triangles;
     corners_.reserve(counts.most_corners);
     return {};
@@ -315,6 +368,12 @@ class OffReader {
       MakeRoom(data_.triangles, triangles_, file_bytes_, corners_.size());
       Status status = cutter_.Add(corners_);
       if (!status.ok()) return AtLine(cursor_.line(), std::move(status).error());
+      if (sink_ != nullptr) {
+        AttributeSink::Face face{.vertices = corners_};
+        // In free layouts too a colour is on the line of the last corner.
+        if (planned_.has_face_colors) face.color = ReadColor(0, false);
+        sink_->AddFace(face, &cancel_);
+      }
       return {};
     });
   }
@@ -332,6 +391,10 @@ class OffReader {
   Layout layout_ = Layout::kEvenLines;
   MeshData data_;
   bool all_valid_ = true;  // the coordinates of all vertices
+  AttributeSink* sink_;    // or null
+  AttributeSink::Counts planned_;
+  bool has_vertex_colors_ = false;  // and somebody asks
+  std::size_t color_begin_ = 3;     // number of the first of them among a vertex's numbers
   PolygonCutter cutter_;
   std::vector<std::uint32_t> corners_;
 };

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -10,8 +11,10 @@
 #include <vector>
 
 #include "core/base/cancel_poll.h"
+#include "core/io/attribute_sink.h"
 #include "core/io/claimed_rows.h"
 #include "core/io/mesh_error.h"
+#include "core/io/ply_attributes.h"
 #include "core/io/ply_body.h"
 #include "core/io/ply_header.h"
 #include "core/io/polygon.h"
@@ -102,9 +105,14 @@ class BodyReader {
         body_(std::move(body)),
         vertices_(body_),
         options_(options),
+        sink_(options.attributes),
+        vertex_uses_(layout.vertex, sink_),
+        face_uses_(layout.is_strips ? nullptr : layout.face, sink_),
         cancel_(options.cancel),
-        cutter_(&data_, options.cancel) {
+        cutter_(&data_, options.cancel, PolygonCutter::kStepsPerFile,
+                sink_ != nullptr ? sink_->cuts() : nullptr) {
     data_.format = MeshFormat::kPly;
+    if (sink_ != nullptr) sink_->Begin();
   }
 
   // Triangulating polygons needs the vertices, and triangles are counted before memory is allocated
@@ -120,6 +128,7 @@ class BodyReader {
       if (&element == layout_.vertex) {
         vertices_ = body_;
         counts_.vertices = element.count;
+        PlanAttributes();
         status = options_.Counted(counts_);
         if (status.ok()) status = ReadVertices();
         has_vertices = true;
@@ -187,6 +196,47 @@ class BodyReader {
                            [&](std::size_t i) { return body_.Skip(element.properties[i]); });
   }
 
+  // Face counts are known after the vertices if the file has that order, so values are planned
+  // before arrays of triangles.
+  void PlanAttributes() {
+    if (sink_ == nullptr) return;
+    const std::uint64_t vertices = counts_.vertices;
+    AttributeSink::Counts counts;
+    counts.triangles = counts_.triangles;
+    counts.uvs = vertex_uses_.has_uv() ? vertices : 0;
+    counts.normals = vertex_uses_.has_normal() ? vertices : 0;
+    counts.vertex_colors = vertex_uses_.has_color() ? vertices : 0;
+    counts.has_vertex_values = !vertex_uses_.empty();
+    counts.has_face_colors = face_uses_.has_color();
+    counts_.other_bytes = sink_->PlannedBytes(counts);
+    if (sink_->cuts() != nullptr) {
+      counts_.other_bytes += counts_.most_corners * 2 * sizeof(TriangleIndices);
+    }
+    planned_ = counts;
+  }
+
+  // A number of an attribute in a row of vertices or faces.
+  bool ReadAttribute(const PlyProperty& property, const PlyUse& use) {
+    double value = 0;
+    if constexpr (Body::kIsText) {
+      if (!body_.Skip(property)) return false;
+      value = ParseNumber(body_.word()).value_or(std::numeric_limits<double>::quiet_NaN());
+    } else {
+      if (!body_.ReadNumber(property.type, &value)) return false;
+    }
+    if (use.meaning == PlyMeaning::kColor) value /= FullPlyColor(property.type);
+    row_[static_cast<std::size_t>(use.meaning)][use.component] = value;
+    return true;
+  }
+
+  const Vec3d& Row(PlyMeaning meaning) const { return row_[static_cast<std::size_t>(meaning)]; }
+
+  void AddVertexAttributes() {
+    if (vertex_uses_.has_uv()) sink_->AddUv(Row(PlyMeaning::kUv).x, Row(PlyMeaning::kUv).y);
+    if (vertex_uses_.has_normal()) sink_->AddNormal(Row(PlyMeaning::kNormal));
+    if (vertex_uses_.has_color()) sink_->AddVertexColor(Row(PlyMeaning::kColor));
+  }
+
   bool IsFloat(std::size_t axis) const {
     return layout_.vertex->properties[layout_.xyz[axis]].type == PlyType::kFloat32;
   }
@@ -197,6 +247,7 @@ class BodyReader {
     Status status = ReadVerticesOnce();
     if (has_wide_text_) {
       data_.vertices.clear();
+      if (sink_ != nullptr) sink_->BeginValues();
       body_ = vertices_;
       status = ReadVerticesOnce();
     }
@@ -208,13 +259,17 @@ class BodyReader {
   Status ReadVerticesOnce() {
     const PlyElement& element = *layout_.vertex;
     const std::size_t last = element.properties.size() - 1;
+    if (!vertex_uses_.empty()) sink_->Plan(planned_);
     Vec3d vertex;
     return ForEachProperty(element, [&](std::size_t i) {
       const PlyProperty& property = element.properties[i];
       const auto axis = std::find(layout_.xyz.begin(), layout_.xyz.end(), i) - layout_.xyz.begin();
+      const PlyUse use = vertex_uses_.of(i);
       const bool ok = axis < 3 ? ReadCoordinate(property.type, &vertex[static_cast<int>(axis)])
-                               : body_.Skip(property);
+                      : use.meaning != PlyMeaning::kNothing ? ReadAttribute(property, use)
+                                                            : body_.Skip(property);
       if (ok && i == last) {
+        if (!vertex_uses_.empty()) AddVertexAttributes();
         MakeRoom(data_.vertices, element.count, file_bytes_);
         data_.vertices.push_back(vertex);
         all_valid_ = all_valid_ && IsValidVertex(vertex);
@@ -278,6 +333,7 @@ class BodyReader {
                    "the PLY file has " + std::to_string(counts_.triangles) +
                        " triangles; at most " + std::to_string(kMaxTriangles) + " are allowed"};
     }
+    PlanAttributes();
     if (Status told = options_.Counted(counts_); !told.ok()) return told;
     corners_.reserve(counts_.most_corners);
     return {};
@@ -317,6 +373,7 @@ class BodyReader {
         const bool turned = length % 2 == 0;
         MakeRoom(data_.triangles, counts_.triangles, file_bytes_);
         data_.triangles.push_back({last[turned ? 1 : 0], last[turned ? 0 : 1], corner});
+        if (sink_ != nullptr) sink_->AddTriangle({.vertices = data_.triangles.back()});
       }
       last = {last[1], corner};
     }
@@ -325,15 +382,32 @@ class BodyReader {
 
   Status ReadFaces() {
     const PlyElement& element = *layout_.face;
+    const std::size_t last = element.properties.size() - 1;
+    if (sink_ != nullptr) sink_->Plan(planned_);
     return ForEachProperty(element, [&](std::size_t i) {
       const PlyProperty& property = element.properties[i];
-      if (i != layout_.corners) return body_.Skip(property);
-      if (layout_.is_strips) return ReadStrip(property);
-      if (!ReadCorners(property)) return false;
-      MakeRoom(data_.triangles, counts_.triangles, file_bytes_, corners_.size());
-      Status status = cutter_.Add(corners_);
-      return status.ok() || body_.Fail(std::move(status).error());
+      if (!ReadFaceProperty(property, i)) return false;
+      // The colour may stand before or after the corners.
+      if (i == last && sink_ != nullptr && !layout_.is_strips) {
+        AttributeSink::Face face{.vertices = corners_};
+        if (face_uses_.has_color()) face.color = Row(PlyMeaning::kColor);
+        sink_->AddFace(face, &cancel_);
+      }
+      return true;
     });
+  }
+
+  bool ReadFaceProperty(const PlyProperty& property, std::size_t i) {
+    if (i != layout_.corners) {
+      const PlyUse use = face_uses_.of(i);
+      return use.meaning == PlyMeaning::kNothing ? body_.Skip(property)
+                                                 : ReadAttribute(property, use);
+    }
+    if (layout_.is_strips) return ReadStrip(property);
+    if (!ReadCorners(property)) return false;
+    MakeRoom(data_.triangles, counts_.triangles, file_bytes_, corners_.size());
+    Status status = cutter_.Add(corners_);
+    return status.ok() || body_.Fail(std::move(status).error());
   }
 
   bool ReadCorners(const PlyProperty& property) {
@@ -360,6 +434,11 @@ class BodyReader {
   Body body_;
   Body vertices_;  // where they begin
   const MeshReadOptions& options_;
+  AttributeSink* sink_;  // or null
+  PlyAttributes vertex_uses_;
+  PlyAttributes face_uses_;
+  AttributeSink::Counts planned_;
+  std::array<Vec3d, kPlyMeanings> row_;  // of the row that is being read, by PlyMeaning
   CancelPoll cancel_;
   MeshData data_;
   MeshCounts counts_;

@@ -97,8 +97,9 @@ bool IsConvexPath(std::span<const Point2> path) {
       path.size(), [&](std::size_t i) { return path[i]; }, [] { return false; });
 }
 
-PolygonCutter::PolygonCutter(MeshData* mesh, CancelToken cancel, std::uint64_t steps_per_file)
-    : mesh_(mesh), meter_(std::move(cancel)), ears_(&meter_) {
+PolygonCutter::PolygonCutter(MeshData* mesh, CancelToken cancel, std::uint64_t steps_per_file,
+                             std::vector<TriangleIndices>* cuts)
+    : mesh_(mesh), meter_(std::move(cancel)), ears_(&meter_), cuts_(cuts) {
   meter_.Allow(steps_per_file);
 }
 
@@ -151,6 +152,8 @@ Point2 PolygonCutter::Seen(std::uint32_t corner, const View& view) const {
 void PolygonCutter::Fan(std::span<const std::uint32_t> corners) {
   for (std::size_t i = 2; i < corners.size() && !meter_.Spend(2); ++i) {
     mesh_->triangles.push_back({corners[0], corners[i - 1], corners[i]});
+    if (cuts_ == nullptr) continue;
+    cuts_->push_back({0, static_cast<std::uint32_t>(i - 1), static_cast<std::uint32_t>(i)});
   }
 }
 
@@ -181,6 +184,7 @@ void PolygonCutter::CutConcave(std::span<const std::uint32_t> corners, const Vie
     }
   }
   for (std::size_t i = first; i < mesh_->triangles.size(); ++i) {
+    if (cuts_ != nullptr) cuts_->push_back(mesh_->triangles[i]);
     for (std::uint32_t& corner : mesh_->triangles[i]) corner = corners[corner];
   }
 }

@@ -36,8 +36,10 @@ class PolygonCutter {
   static constexpr std::uint64_t kStepsPerCorner = 4'000;
 
   /// Reads mesh->vertices; appends to mesh->triangles and counts in mesh->dropped, mesh->concave.
-  /// The mesh must outlive the cutter. One cutter serves one file.
-  PolygonCutter(MeshData* mesh, CancelToken cancel, std::uint64_t steps_per_file = kStepsPerFile);
+  /// The mesh must outlive the cutter. One cutter serves one file. `cuts`, if given, gets each
+  /// triangle of mesh->triangles as positions in its polygon, counted from 0.
+  PolygonCutter(MeshData* mesh, CancelToken cancel, std::uint64_t steps_per_file = kStepsPerFile,
+                std::vector<TriangleIndices>* cuts = nullptr);
 
   /// Adds one polygon by its corners, each < mesh->vertices.size(). A polygon with fewer than three
   /// corners is dropped and counted. It is projected along the main axis of its normal (Newell's,
@@ -57,6 +59,7 @@ class PolygonCutter {
   Status Add(std::span<const std::uint32_t> corners) {
     if (corners.size() == 3) {
       mesh_->triangles.push_back({corners[0], corners[1], corners[2]});
+      if (cuts_ != nullptr) cuts_->push_back({0, 1, 2});
       return {};
     }
     return AddOther(corners);
@@ -82,6 +85,7 @@ class PolygonCutter {
   CutMeter meter_;
   EarCutter ears_;
   std::vector<Point2> path_;
+  std::vector<TriangleIndices>* cuts_;
 };
 
 }  // namespace kdray::core

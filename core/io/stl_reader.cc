@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "core/base/cancel_poll.h"
+#include "core/io/attribute_sink.h"
 #include "core/io/mesh_error.h"
 #include "core/io/parse_text.h"
 #include "core/io/vertex_check.h"
@@ -80,6 +81,15 @@ MeshCounts CountsOf(std::uint64_t triangles) {
   return {.vertices = 3 * triangles, .triangles = triangles};
 }
 
+// The same with the memory of groups, which only solids of text are.
+MeshCounts CountsOf(std::uint64_t triangles, std::uint64_t solids, AttributeSink* sink) {
+  MeshCounts counts = CountsOf(triangles);
+  if (sink != nullptr) {
+    counts.other_bytes = sink->PlannedBytes({.triangles = triangles, .groups = solids});
+  }
+  return counts;
+}
+
 Result<MeshData> ReadBinary(std::span<const std::byte> bytes, const MeshReadOptions& options) {
   CancelPoll cancel(options.cancel);
   const std::optional<std::uint32_t> count = CountRecords(bytes, &cancel);
@@ -88,6 +98,7 @@ Result<MeshData> ReadBinary(std::span<const std::byte> bytes, const MeshReadOpti
   if (*count == 0) return Error{ErrorCode::kEmptyMesh, "the STL file has no triangle"};
   if (*count > kMaxTriangles) return TooLarge(*count);
   if (Status told = options.Counted(CountsOf(*count)); !told.ok()) return std::move(told).error();
+  if (options.attributes != nullptr) options.attributes->Begin();
   MeshData data;
   data.format = MeshFormat::kStl;
   data.single_precision = true;
@@ -123,8 +134,12 @@ class AsciiReader {
   Result<MeshData> Read() {
     const std::size_t facets = std::min(MostFacets(), kMaxTriangles);
     if (cancel_.stopped()) return cancel_.ToError();
-    if (Status told = options_.Counted(CountsOf(facets)); !told.ok()) {
-      return std::move(told).error();
+    // Each group has a facet.
+    const MeshCounts counts = CountsOf(facets, facets, options_.attributes);
+    if (Status told = options_.Counted(counts); !told.ok()) return std::move(told).error();
+    if (options_.attributes != nullptr) {
+      options_.attributes->Begin();
+      options_.attributes->Plan({.triangles = facets, .groups = facets});
     }
     data_.vertices.reserve(3 * facets);
     data_.triangles.reserve(facets);
@@ -135,7 +150,7 @@ class AsciiReader {
       if (EqualsIgnoringCase(word, "facet")) {
         if (Status status = ReadFacet(); !status.ok()) return std::move(status).error();
       } else if (BeginsOrEndsSolid(word)) {
-        SkipName();
+        PassName(word);
       } else if (word_begins_line_) {
         return AtLine(cursor_.line(), Quoted(word) + " does not begin a statement of an STL file");
       }
@@ -204,14 +219,25 @@ class AsciiReader {
            (StartsIgnoringCase(word, "endsolid") || StartsIgnoringCase(word, "solid"));
   }
 
-  // A name ends with its line, or where a facet begins if the file is one line.
-  void SkipName() {
+  // A name ends with its line, or where a facet begins if the file is one line. `keyword`: what
+  // precedes it; an attached name is part of it.
+  void PassName(std::string_view keyword) {
+    constexpr std::string_view kSolid = "solid";
+    std::string_view name = keyword.substr(std::min(kSolid.size(), keyword.size()));
     for (;;) {
       TextCursor ahead = cursor_;
       const std::string_view word = ahead.NextWord();
-      if (word.empty()) return;
-      if (EqualsIgnoringCase(word, "facet") && BeginsLoop(ahead)) return;
+      if (word.empty()) break;
+      if (EqualsIgnoringCase(word, "facet") && BeginsLoop(ahead)) break;
       cursor_.NextWord();
+      const char* const first = name.empty() ? word.data() : name.data();
+      name = {first, static_cast<std::size_t>(word.data() + word.size() - first)};
+    }
+    if (options_.attributes == nullptr) return;
+    if (StartsIgnoringCase(keyword, kSolid)) {
+      options_.attributes->StartGroup(name);
+    } else {
+      options_.attributes->EndGroup();
     }
   }
 
@@ -290,6 +316,9 @@ class AsciiReader {
       data_.vertices.push_back(vertex);
     }
     AppendTriangle(&data_);
+    if (options_.attributes != nullptr) {
+      options_.attributes->AddTriangle({.vertices = data_.triangles.back()});
+    }
     if (Status status = Expect("endloop", "end"); !status.ok()) return status;
     return Expect("endfacet", "end");
   }
