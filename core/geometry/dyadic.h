@@ -10,8 +10,8 @@ namespace kdray::core {
 
 /// Results must fit kLimbs. With coordinates of a mesh in its frame (at most 1, multiples of
 /// 2^-1074), and an origin and a direction of doubles that are scaled into that frame, an origin
-/// takes 50 limbs, a direction 33, a triangle's normal 34, and the largest product, which compares
-/// two hits, 151.
+/// takes 50 limbs, a direction 33, a triangle's normal 34, and the largest products, which compare
+/// two hits and the distances from a point to two planes, 151 and 236.
 class Dyadic {
  public:
   Dyadic() = default;             ///< 0
@@ -45,7 +45,7 @@ class Dyadic {
   static Dyadic Quotient(const Dyadic& numerator, const Dyadic& denominator, int exponent);
 
  private:
-  static constexpr int kLimbs = 192;
+  static constexpr int kLimbs = 256;
   static constexpr int kLimbBits = 64;
   static_assert(GMP_LIMB_BITS == kLimbBits);
 

@@ -58,6 +58,7 @@ class SceneLoader::Attempt {
           loader_->cache_->InsertMesh(digest, *std::move(parsed), charge_.Split(bytes));
     }
     loaded_.scene.mesh = std::shared_ptr<const TriangleMesh>(loaded_.parsed, &loaded_.parsed->mesh);
+    loaded_.scene.is_closed = loaded_.parsed->facts.health.closed;
     return {};
   }
 

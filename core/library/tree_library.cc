@@ -106,7 +106,8 @@ std::optional<Scene> TreeLibrary::FindInMemory(const Sha256Digest& mesh, BuildKi
   if (tree == nullptr) return std::nullopt;
   const TreeCache::MeshPointer parsed = cache_.FindMesh(mesh);
   if (parsed == nullptr) return std::nullopt;
-  return Scene{std::shared_ptr<const TriangleMesh>(parsed, &parsed->mesh), std::move(tree)};
+  return Scene{std::shared_ptr<const TriangleMesh>(parsed, &parsed->mesh), std::move(tree),
+               parsed->facts.health.closed};
 }
 
 Result<Scene> TreeLibrary::LoadWithBinary(const TreeId& id, const CancelToken& cancel) {

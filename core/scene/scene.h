@@ -15,6 +15,7 @@ namespace kdray::core {
 struct Scene {
   std::shared_ptr<const TriangleMesh> mesh;
   std::shared_ptr<const Tree> tree;
+  bool is_closed = false;  ///< MeshHealth::closed; unknown counts as false
 
   /// The nodes at `depth` and the leaves above it, in world units; kInvalidArgument if there are
   /// more than `limit`. The first call rebuilds the binary tree. Errors: kCancelled,

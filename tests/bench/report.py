@@ -1,7 +1,7 @@
 """Turns the benchmarks' results into tables and plots.
 
   report.py tradeoff|images|mismatches CSV COMMAND
-  report.py trace|build FOLDER COMMAND
+  report.py trace|build|points FOLDER COMMAND
 
 Writes the section of that name in tests/bench/README.md, between its two marks, and the plots into
 docs/.
@@ -401,10 +401,23 @@ ulps of a float at the mesh's largest coordinate.
 """)
 
 
+# ---- Closest points ----
+
+
+def points(folder, command):
+    with open(os.path.join(folder, "points.md")) as file:
+        measured = file.read().strip()
+    write_section("points", f"""
+{conditions(command)}
+
+{measured}
+""")
+
+
 if __name__ == "__main__":
     what, path, said = sys.argv[1:]
-    if what in ("trace", "build"):
-        {"trace": trace, "build": build}[what](path, said)
+    if what in ("trace", "build", "points"):
+        {"trace": trace, "build": build, "points": points}[what](path, said)
         sys.exit()
     with open(path, newline="") as source:
         {"tradeoff": tradeoff, "images": images, "mismatches": mismatches}[what](list(csv.DictReader(source)), said)

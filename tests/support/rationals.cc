@@ -132,4 +132,45 @@ std::size_t RationalCrossings(const MeshData& data, const Ray& ray, const mpq_cl
   return crossings;
 }
 
+mpq_class RationalSquaredDistance(const Vec3d& point, const TriangleCorners& corners) {
+  const QTriangle triangle = ToQ(corners);
+  const Q3 p = ToQ(point);
+  const std::array<const Q3*, 3> at = {&triangle.a, &triangle.b, &triangle.c};
+  mpq_class best = Dot(p - *at[0], p - *at[0]);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Q3 way = p - *at[k], edge = *at[(k + 1) % 3] - *at[k];
+    best = std::min<mpq_class>(best, Dot(way, way));
+    const mpq_class along = Dot(way, edge), length = Dot(edge, edge);
+    if (along <= 0 || along >= length) continue;
+    best = std::min<mpq_class>(best, Dot(way, way) - along * along / length);
+  }
+  const mpq_class area = Dot(triangle.normal, triangle.normal);
+  if (area == 0) return best;
+  // The line through the point along the normal meets the triangle.
+  const mpq_class t = Dot(triangle.normal, triangle.a - p) / area;
+  if (SideOf(triangle, p, triangle.normal, t) >= 0) best = std::min<mpq_class>(best, t * t * area);
+  return best;
+}
+
+RationalClosestPoint RationalClosestTo(const MeshData& data, const Vec3d& point) {
+  RationalClosestPoint best;
+  for (PrimitiveId id = 0; id < data.triangles.size(); ++id) {
+    const TriangleCorners corners = CornersOf(data, id);
+    const QTriangle triangle = ToQ(corners);
+    if (Dot(triangle.normal, triangle.normal) == 0) continue;
+    const mpq_class square = RationalSquaredDistance(point, corners);
+    if (best.primitive_id == core::kNoPrimitive || square < best.square) best = {id, square};
+  }
+  return best;
+}
+
+bool IsRoundedRoot(double root, const mpq_class& square) {
+  if (square == 0) return root == 0;
+  const mpq_class x(root);
+  const mpq_class above(std::nextafter(root, std::numeric_limits<double>::infinity()));
+  const mpq_class below(std::nextafter(root, 0.0));
+  const mpq_class high = (x + above) / 2, low = (x + below) / 2;
+  return low * low <= square && square <= high * high;
+}
+
 }  // namespace kdray::test

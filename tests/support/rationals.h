@@ -47,4 +47,18 @@ RationalClosestHit RationalClosest(const core::MeshData& data, const core::Ray& 
 /// small e would; asserts that it meets none.
 std::size_t RationalCrossings(const core::MeshData& data, const core::Ray& ray, const mpq_class& e);
 
+/// The squared distance of a point and the closed triangle: of the corners, of the edges that have
+/// the point between their ends, and of the plane if the point is above the triangle, the smallest.
+mpq_class RationalSquaredDistance(const core::Vec3d& point, const TriangleCorners& triangle);
+
+struct RationalClosestPoint {
+  core::PrimitiveId primitive_id = core::kNoPrimitive;
+  mpq_class square;  ///< of the distance
+};
+/// Smallest distance, then smallest id, over all triangles with an area.
+RationalClosestPoint RationalClosestTo(const core::MeshData& data, const core::Vec3d& point);
+
+/// Whether `root` is the square root of `square`, rounded to the nearest double.
+bool IsRoundedRoot(double root, const mpq_class& square);
+
 }  // namespace kdray::test

@@ -1,0 +1,4 @@
+#ifdef __x86_64__
+#define KDRAY_ISA_AVX2
+#include "core/proximity/simd/closest-inl.h"
+#endif

@@ -1,0 +1,1 @@
+#include "core/proximity/simd/closest-inl.h"
