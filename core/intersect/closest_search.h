@@ -11,6 +11,7 @@
 #include "core/geometry/local_ray.h"
 #include "core/geometry/triangle_mesh.h"
 #include "core/intersect/exact_intersection.h"
+#include "core/intersect/hit_filter.h"
 #include "core/intersect/precision.h"
 #include "core/intersect/triangle_intersection.h"
 
@@ -67,9 +68,11 @@ struct NoCost {
   void CountTriangles(std::size_t) {}
 };
 
-/// One ray's search for the closest accepted triangle within the caller's interval.
+/// One ray's search for the closest accepted triangle within the caller's interval that the filter
+/// keeps.
 template <class Test>
 struct ClosestSearch {
+  RayFilter filter;
   typename Test::Hit best{};
   PrimitiveId best_id = kNoPrimitive;
   /// The local parameter beyond which no triangle can be closer.
@@ -83,7 +86,7 @@ struct ClosestSearch {
     typename Test::Hit hit;
     if (!test.Test(a, b, c, &hit)) return false;
     if (best_id != kNoPrimitive && !test.IsCloser(hit, id, best, best_id, corners)) return false;
-    if (!test.IsInInterval(hit, id, corners)) return false;
+    if (!test.IsInInterval(hit, id, corners) || !filter.Keeps(id)) return false;
     best = hit;
     best_id = id;
     limit = test.Limit(hit);
@@ -100,10 +103,10 @@ inline constexpr std::uint64_t kNodeWork = 32;
 
 /// The closest accepted triangle; Hit{} on a miss; unspecified if the poll stops.
 template <class Test, class Structure, class Corners, class Cost>
-Hit FindClosest(const Structure& structure, const Corners& corners, const LocalRay& ray, Cost cost,
-                CancelPoll* poll) {
+Hit FindClosest(const Structure& structure, const Corners& corners, const LocalRay& ray,
+                const HitFilter* filter, Cost cost, CancelPoll* poll) {
   const Test test(ray);
-  ClosestSearch<Test> closest;
+  ClosestSearch<Test> closest{.filter = {filter, ray.given}};
   structure.Traverse(
       ray, test.pad(),
       [&](std::span<const PrimitiveId> leaf) {

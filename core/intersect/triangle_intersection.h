@@ -45,6 +45,11 @@ class RoundedOrder {
     const double t = CallerT(hit);
     return t >= ray_.t_min && t <= ray_.t_max;
   }
+  /// For count and all, which in these precisions report every triangle that the test accepts.
+  template <class T>
+  bool OwnsCrossing(const Vec3<T>&, const Vec3<T>&, const Vec3<T>&, const TriangleHit&) const {
+    return true;
+  }
   double CallerT(const TriangleHit& hit) const { return ray_.ToCallerT(hit.s); }
   /// The local parameter beyond which nothing is closer than a hit. Different s can round to one t:
   /// a triangle that ties with the hit may begin a little later.

@@ -13,8 +13,10 @@
 #include "core/geometry/hit.h"
 #include "core/geometry/ray.h"
 #include "core/geometry/triangle_mesh.h"
+#include "core/intersect/hit_filter.h"
 #include "core/intersect/precision.h"
 #include "core/kernel/kernel_kind.h"
+#include "core/kernel/ray_hits.h"
 #include "core/kernel/scalar_search.h"
 #include "core/kernel/simd_level.h"
 
@@ -26,12 +28,16 @@ inline constexpr std::uint64_t kBeginWork = 64;
 inline constexpr std::uint64_t kStepWork = 32;
 inline constexpr std::uint64_t kBlockWork = 64;
 
+/// What is asked of each ray: its closest hit, whether it has one, or all hits (`count`, `all`).
+enum class RayQuery : std::uint8_t { kClosest, kAny, kAll };
+
 /// The input and output of tracing a range of rays.
 struct KernelJob {
   const WideTree* tree = nullptr;
   const TriangleMesh* mesh = nullptr;
   const ScalarSearch* scalar = nullptr;
   Precision precision = Precision::kWatertight;
+  const HitFilter* filter = nullptr;  ///< null if it keeps every hit; `scalar` has the same
   SimdLevel simd = SimdLevel::kBaseline;
   KernelKind kernel = KernelKind::kInterleaved;
   bool alike =
@@ -43,9 +49,18 @@ struct KernelJob {
   /// The rows to trace, in this order; null: rows first, first + 1, ….
   const std::uint32_t* rows = nullptr;
 
-  // The answers by row; one of the two is set.
+  // The answers by row; one of the four is set. Counts and lists begin as 0 and empty.
   Hit* hits = nullptr;
   std::uint8_t* occluded = nullptr;
+  std::uint32_t* counts = nullptr;
+  HitLists lists;
+  /// Whether the tree may have a triangle in several leaves.
+  bool has_repeats = true;
+
+  RayQuery query() const {
+    if (hits != nullptr) return RayQuery::kClosest;
+    return occluded != nullptr ? RayQuery::kAny : RayQuery::kAll;
+  }
 
   CancelToken cancel;
   /// Set when the token stopped a block of rays; its rows and later ones then have no answers.
@@ -61,6 +76,6 @@ using KernelFunction = void (*)(const KernelJob& job, std::size_t first, std::si
 
 /// Safe from many threads at once. The level must be supported by the processor.
 KernelFunction FindKernel(SimdLevel level, KernelKind kernel, Precision precision,
-                          bool double_vertices, bool any);
+                          bool double_vertices, RayQuery query);
 
 }  // namespace kdray::core

@@ -31,13 +31,17 @@ void ChooseKernel(const KernelOverrides& overrides, KernelJob* job) {
   const bool frustum =
       job->precision == Precision::kFast || job->precision == Precision::kWatertight;
   job->kernel = overrides.kernel.value_or(frustum ? KernelKind::kFrustum : otherwise);
+  // It keeps one hit of a ray, and has no place for a filter.
+  if (job->kernel == KernelKind::kFrustum &&
+      (job->filter != nullptr || job->query() == RayQuery::kAll)) {
+    job->kernel = otherwise;
+  }
 }
 
 void TraceBlock(const KernelJob& job, std::size_t first, std::size_t last) {
   if (job.stopped->load(std::memory_order_relaxed)) return;
-  const bool any = job.occluded != nullptr;
   const KernelFunction trace =
-      FindKernel(job.simd, job.kernel, job.precision, job.mesh->has_double_vertices(), any);
+      FindKernel(job.simd, job.kernel, job.precision, job.mesh->has_double_vertices(), job.query());
   CancelPoll poll(job.cancel);
   KernelJob own = job;
   own.poll = &poll;

@@ -1,8 +1,11 @@
 #include "core/kernel/scalar_search.h"
 
+#include <algorithm>
 #include <new>
 #include <type_traits>
+#include <vector>
 
+#include "core/base/polled_sort.h"
 #include "core/geometry/local_ray.h"
 #include "core/intersect/closest_search.h"
 
@@ -13,7 +16,8 @@ namespace {
 template <class Intersection, class CornersOf>
 class ScalarSearchOf final : public ScalarSearch {
  public:
-  explicit ScalarSearchOf(const CornersOf& corners) : corners_(corners) {}
+  ScalarSearchOf(const CornersOf& corners, const HitFilter* filter)
+      : corners_(corners), filter_(filter) {}
 
   std::optional<LocalRay> MakeRay(const Ray& ray, const MeshFrame& frame) const override {
     return Intersection::MakeRay(ray, frame);
@@ -21,7 +25,7 @@ class ScalarSearchOf final : public ScalarSearch {
   void Begin(const LocalRay& ray, ScalarSearchSpace* space) const override {
     static_assert(sizeof(Search) <= sizeof(ScalarSearchSpace) &&
                   std::is_trivially_destructible_v<Search>);
-    new (space->bytes) Search(ray);
+    new (space->bytes) Search(ray, filter_);
   }
   bool Offer(PrimitiveId id, ScalarSearchSpace* space) const override {
     Search& search = *std::launder(reinterpret_cast<Search*>(space->bytes));
@@ -34,9 +38,37 @@ class ScalarSearchOf final : public ScalarSearch {
     const Search& search = SearchIn(space);
     return search.closest.Finish(search.test, corners_);
   }
+  bool Crosses(PrimitiveId id, ScalarSearchSpace* space) const override {
+    const Intersection& test = SearchIn(*space).test;
+    const auto [a, b, c] = corners_(id);
+    typename Intersection::Hit hit;
+    return test.Test(a, b, c, &hit) && test.OwnsCrossing(a, b, c, hit) &&
+           test.IsInInterval(hit, id, corners_);
+  }
+  Hit Answer(PrimitiveId id, ScalarSearchSpace* space) const override {
+    return SearchIn(*space).test.Finish(Tested(id, *space), id, corners_);
+  }
+  void OrderTies(std::span<Hit> hits, ScalarSearchSpace* space, CancelPoll* poll) const override {
+    const Intersection& test = SearchIn(*space).test;
+    struct Tie {
+      Hit answer;
+      typename Intersection::Hit hit;
+    };
+    std::vector<Tie> ties;
+    ties.reserve(hits.size());
+    for (const Hit& answer : hits) {
+      if (poll->Spend(Intersection::kWork)) return;
+      ties.push_back({answer, Tested(answer.primitive_id, *space)});
+    }
+    PolledSort(std::span(ties), Intersection::kWork, poll, [&](const Tie& a, const Tie& b) {
+      return test.IsCloser(a.hit, a.answer.primitive_id, b.hit, b.answer.primitive_id, corners_);
+    });
+    std::transform(ties.begin(), ties.end(), hits.begin(),
+                   [](const Tie& tie) { return tie.answer; });
+  }
   Hit Closest(const LocalRay& ray, const WideTree& tree, CancelPoll* poll) const override {
     const Intersection test(ray);
-    ClosestSearch<Intersection> closest;
+    ClosestSearch<Intersection> closest{.filter = {filter_, ray.given}};
     tree.Traverse(
         ray, test.pad(),
         [&](std::span<const PrimitiveId> ids) {
@@ -59,7 +91,8 @@ class ScalarSearchOf final : public ScalarSearch {
 
  private:
   struct Search {
-    explicit Search(const LocalRay& ray) : given(*ray.given), local(ray), test(local) {
+    Search(const LocalRay& ray, const HitFilter* filter)
+        : given(*ray.given), local(ray), test(local), closest{.filter = {filter, &given}} {
       local.given = &given;
     }
     Ray given;
@@ -67,22 +100,29 @@ class ScalarSearchOf final : public ScalarSearch {
     Intersection test;
     ClosestSearch<Intersection> closest;
   };
+  typename Intersection::Hit Tested(PrimitiveId id, const ScalarSearchSpace& space) const {
+    const auto [a, b, c] = corners_(id);
+    typename Intersection::Hit hit{};
+    SearchIn(space).test.Test(a, b, c, &hit);
+    return hit;
+  }
   static const Search& SearchIn(const ScalarSearchSpace& space) {
     return *std::launder(reinterpret_cast<const Search*>(space.bytes));
   }
 
   CornersOf corners_;
+  const HitFilter* filter_;
 };
 
 }  // namespace
 
-std::unique_ptr<const ScalarSearch> MakeScalarSearch(const TriangleMesh& mesh,
-                                                     Precision precision) {
+std::unique_ptr<const ScalarSearch> MakeScalarSearch(const TriangleMesh& mesh, Precision precision,
+                                                     const HitFilter* filter) {
   return VisitIntersection(
       mesh, precision,
       [&]<class CornersOf, class Test>(
           const CornersOf& corners, IntersectionTag<Test>) -> std::unique_ptr<const ScalarSearch> {
-        return std::make_unique<ScalarSearchOf<Test, CornersOf>>(corners);
+        return std::make_unique<ScalarSearchOf<Test, CornersOf>>(corners, filter);
       });
 }
 

@@ -6,6 +6,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 
 #include "core/accel/wide/wide_tree.h"
 #include "core/base/cancel_poll.h"
@@ -13,6 +14,7 @@
 #include "core/geometry/local_ray.h"
 #include "core/geometry/ray.h"
 #include "core/geometry/triangle_mesh.h"
+#include "core/intersect/hit_filter.h"
 #include "core/intersect/precision.h"
 #include "core/intersect/triangle_intersection.h"
 
@@ -40,6 +42,16 @@ class ScalarSearch {
   virtual double Limit(const ScalarSearchSpace& space) const = 0;
   virtual Hit Finish(const ScalarSearchSpace& space) const = 0;
 
+  // For `count` and `all`, after Begin().
+
+  /// Whether the triangle is one of FindAll (core/intersect/all_search.h), the filter apart.
+  virtual bool Crosses(PrimitiveId id, ScalarSearchSpace* space) const = 0;
+  /// The answer for a triangle that is hit.
+  virtual Hit Answer(PrimitiveId id, ScalarSearchSpace* space) const = 0;
+  /// Sorts the hits of triangles, which all have the same t: in `exact` by the exact t, then by id.
+  /// Unspecified if the poll stops.
+  virtual void OrderTies(std::span<Hit> hits, ScalarSearchSpace* space, CancelPoll* poll) const = 0;
+
   /// The whole search, one triangle after the other: the reference, and for rays that no kernel
   /// takes. Unspecified if the poll stops.
   virtual Hit Closest(const LocalRay& ray, const WideTree& tree, CancelPoll* poll) const = 0;
@@ -51,6 +63,8 @@ class ScalarSearch {
   virtual bool Test(const LocalRay& ray, PrimitiveId id, TriangleHit* hit) const = 0;
 };
 
-std::unique_ptr<const ScalarSearch> MakeScalarSearch(const TriangleMesh& mesh, Precision precision);
+/// `filter` may be null; it must outlive the search.
+std::unique_ptr<const ScalarSearch> MakeScalarSearch(const TriangleMesh& mesh, Precision precision,
+                                                     const HitFilter* filter = nullptr);
 
 }  // namespace kdray::core

@@ -8,7 +8,7 @@
 
 #include "core/geometry/ray.h"
 #include "core/proximity/point_batch.h"
-#include "core/trace/crossings.h"
+#include "core/trace/trace.h"
 
 namespace kdray::core {
 namespace {
@@ -63,7 +63,8 @@ class ParityTest {
       rays_.push_back({points_[row], 0, direction, std::numeric_limits<double>::infinity()});
     }
     counts_.assign(rows_.size(), 0);
-    return TraceCount(scene_, std::span<const Ray>(rays_), options_.cancel, counts_);
+    return TraceCount(scene_, std::span<const Ray>(rays_), {Precision::kExact, options_.cancel},
+                      counts_);
   }
 
   const Scene& scene_;

@@ -1,7 +1,9 @@
 #include "core/trace/trace.h"
 
+#include <algorithm>
 #include <atomic>
 #include <cassert>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -9,6 +11,7 @@
 #include "core/intersect/closest_search.h"
 #include "core/kernel/kernel.h"
 #include "core/kernel/kernel_choice.h"
+#include "core/kernel/ray_hits.h"
 #include "core/kernel/ray_order.h"
 #include "core/kernel/scalar_search.h"
 #include "core/trace/ray_chunks.h"
@@ -32,35 +35,100 @@ Hit InvalidRow() {
   return hit;
 }
 
-/// Both kinds of query: `job` has the memory of its answers; the rest is set here.
+HitFilter FilterOf(const Scene& scene, const TraceOptions& options) {
+  return HitFilter(*scene.mesh, {options.cull, options.starts_on_surface, options.ends_on_surface,
+                                 options.surface_offset});
+}
+
+/// Traces the job's rays, whose choice of a kernel is made. `first_row` is the number of row 0 in
+/// the whole batch, a multiple of kBlockRays.
+void TraceInBlocks(const KernelJob& job, std::size_t first_row) {
+  const auto trace = [&](const KernelJob& rows, std::size_t first, std::size_t last,
+                         std::size_t first_of_block) {
+    KernelJob block = rows;
+    block.lists.block = (first_row + first_of_block) / kBlockRays;
+    TraceBlock(block, first, last);
+  };
+  const RayBatch& rays = job.rays;
+  if (!job.sort) {
+    ParallelFor(0, rays.size(), kBlockRays,
+                [&](std::size_t first, std::size_t last) { trace(job, first, last, first); });
+    return;
+  }
+  static_assert(kSortedRays % kBlockRays == 0);
+  ParallelFor(0, rays.size(), kSortedRays, [&](std::size_t first, std::size_t last) {
+    if (job.stopped->load(std::memory_order_relaxed)) return;
+    std::vector<std::uint32_t> rows(last - first);
+    const bool by_direction = job.query() != RayQuery::kAny;
+    OrderRays(rays, job.mesh->bounds(), by_direction, first, rows);
+    KernelJob sorted = job;
+    sorted.rows = rows.data();
+    ParallelFor(0, rows.size(), kBlockRays,
+                [&](std::size_t a, std::size_t b) { trace(sorted, a, b, first + a); });
+  });
+}
+
+/// A ray that ends at t = 1 at the latest. Where that leaves nothing of the interval of a valid
+/// ray, the ray stays valid and misses.
+template <class T>
+RayOf<T> CutAtOne(RayOf<T> ray) {
+  if (!(ray.t_max > 1)) return ray;
+  if (ray.t_min > 1) {
+    ray.t_min = std::numeric_limits<T>::infinity();  // no hit has this t
+    ray.t_max = ray.t_min;
+  } else {
+    ray.t_max = 1;
+  }
+  return ray;
+}
+
+/// f(cut rays, first row) for pieces of the batch, in parallel, with every ray cut at t = 1.
+template <class F>
+void ForEachCutPiece(const RayBatch& rays, const F& f) {
+  const auto with = [&]<class T>(const RayOf<T>* given) {
+    ParallelFor(0, rays.size(), kSortedRays, [&](std::size_t first, std::size_t last) {
+      std::vector<RayOf<T>> cut(given + first, given + last);
+      for (RayOf<T>& ray : cut) ray = CutAtOne(ray);
+      f(RayBatch(std::span<const RayOf<T>>(cut)), first);
+    });
+  };
+  if (rays.floats() != nullptr) return with(rays.floats());
+  with(rays.doubles());
+}
+
+/// Every kind of query: `job` has the memory of its answers; the rest is set here.
 Status TraceByKernel(const Scene& scene, const RayBatch& rays, const TraceOptions& options,
-                     KernelJob job) {
+                     const CancelToken& cancel, KernelJob job) {
+  const HitFilter filter = FilterOf(scene, options);
+  job.filter = filter.is_active() ? &filter : nullptr;
   const std::unique_ptr<const ScalarSearch> scalar =
-      MakeScalarSearch(*scene.mesh, options.precision);
+      MakeScalarSearch(*scene.mesh, options.precision, job.filter);
   std::atomic<bool> stopped{false};
   job.tree = &scene.tree->wide;
+  job.has_repeats = scene.tree->build != BuildKind::kBvh && scene.tree->build != BuildKind::kBox;
   job.mesh = scene.mesh.get();
   job.scalar = scalar.get();
   job.precision = options.precision;
   job.rays = rays;
-  job.cancel = options.cancel;
+  job.cancel = cancel;
   job.stopped = &stopped;
-  ChooseKernel({options.kernel, options.simd, options.sort}, &job);
-  if (job.sort) {
-    ParallelFor(0, rays.size(), kSortedRays, [&](std::size_t first, std::size_t last) {
-      if (stopped.load(std::memory_order_relaxed)) return;
-      std::vector<std::uint32_t> rows(last - first);
-      OrderRays(rays, scene.mesh->bounds(), job.hits != nullptr, first, rows);
-      KernelJob sorted = job;
-      sorted.rows = rows.data();
-      ParallelFor(0, rows.size(), kBlockRays,
-                  [&](std::size_t a, std::size_t b) { TraceBlock(sorted, a, b); });
+  const KernelOverrides overrides{options.kernel, options.simd, options.sort};
+  if (options.ends_on_surface) {
+    ForEachCutPiece(rays, [&](const RayBatch& cut, std::size_t first) {
+      KernelJob piece = job;
+      piece.rays = cut;
+      if (piece.hits != nullptr) piece.hits += first;
+      if (piece.occluded != nullptr) piece.occluded += first;
+      if (piece.counts != nullptr) piece.counts += first;
+      if (piece.lists.rows != nullptr) piece.lists.rows += first;
+      ChooseKernel(overrides, &piece);
+      TraceInBlocks(piece, first);
     });
   } else {
-    ParallelFor(0, rays.size(), kBlockRays,
-                [&](std::size_t first, std::size_t last) { TraceBlock(job, first, last); });
+    ChooseKernel(overrides, &job);
+    TraceInBlocks(job, 0);
   }
-  if (stopped) return options.cancel.ToError();
+  if (stopped) return cancel.ToError();
   return {};
 }
 
@@ -71,7 +139,7 @@ Status TraceClosest(const Scene& scene, RayBatch rays, const TraceOptions& optio
   assert(hits.size() == rays.size());
   KernelJob job;
   job.hits = hits.data();
-  return TraceByKernel(scene, rays, options, job);
+  return TraceByKernel(scene, rays, options, options.cancel, job);
 }
 
 Status TraceAny(const Scene& scene, RayBatch rays, const TraceOptions& options,
@@ -79,7 +147,60 @@ Status TraceAny(const Scene& scene, RayBatch rays, const TraceOptions& options,
   assert(occluded.size() == rays.size());
   KernelJob job;
   job.occluded = occluded.data();
-  return TraceByKernel(scene, rays, options, job);
+  return TraceByKernel(scene, rays, options, options.cancel, job);
+}
+
+Status TraceCount(const Scene& scene, RayBatch rays, const TraceOptions& options,
+                  std::span<std::uint32_t> counts) {
+  assert(counts.size() == rays.size());
+  std::fill(counts.begin(), counts.end(), 0u);
+  KernelJob job;
+  job.counts = counts.data();
+  return TraceByKernel(scene, rays, options, options.cancel, job);
+}
+
+Result<AllHits> TraceAll(const Scene& scene, RayBatch rays, const TraceOptions& options,
+                         std::size_t max_hits, std::size_t most_hits) {
+  // Each block of rays fills its own list, so threads do not conflict.
+  std::vector<std::vector<Hit>> blocks((rays.size() + kBlockRays - 1) / kBlockRays);
+  std::vector<HitRow> rows(rays.size());
+  std::atomic<std::size_t> total{0};
+  KernelJob job;
+  job.lists = {max_hits, rows.data(), blocks.data(), 0, &total};
+  const CancelToken limited = CancelToken::When([&] {
+    return options.cancel.ShouldStop() || total.load(std::memory_order_relaxed) > most_hits;
+  });
+  const Status status = TraceByKernel(scene, rays, options, limited, job);
+  AllHits all;
+  if (!status.ok()) {
+    if (options.cancel.ShouldStop()) return options.cancel.ToError();
+    all.too_many = true;
+    return all;
+  }
+
+  all.first.reserve(rays.size() + 1);
+  all.first.push_back(0);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    all.first.push_back(all.first.back() + rows[i].size);
+    if (rows[i].is_truncated != 0) all.truncated.push_back(i);
+  }
+  if (all.first.back() > most_hits) {
+    all = {};
+    all.too_many = true;
+    return all;
+  }
+  all.hits.resize(all.first.back());
+  const Status joined = ForEachChunk(
+      rays.size(), options.cancel, [&](std::size_t first, std::size_t last, CancelPoll* poll) {
+        for (std::size_t i = first; i < last && !poll->Spend(1 + rows[i].size); ++i) {
+          const auto from =
+              blocks[rows[i].block].begin() + static_cast<std::ptrdiff_t>(rows[i].first);
+          std::copy_n(from, rows[i].size,
+                      all.hits.begin() + static_cast<std::ptrdiff_t>(all.first[i]));
+        }
+      });
+  if (!joined.ok()) return joined.error();
+  return all;
 }
 
 Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& options,
@@ -87,16 +208,19 @@ Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& option
   assert(hits.size() == rays.size() && costs.size() == rays.size());
   const auto binary = scene.tree->Binary(*scene.mesh, BuildOptions{options.cancel});
   if (!binary.ok()) return binary.error();
+  const HitFilter filter = FilterOf(scene, options);
   const auto trace = [&](const auto& structure, const auto& corners, auto tag, std::size_t i,
                          CancelPoll* poll) {
     using Test = typename decltype(tag)::Type;
     costs[i] = {};
     hits[i] = InvalidRow();
-    const Ray ray = rays[i];
+    Ray ray = rays[i];
     if (!IsValid(ray)) return;
+    if (options.ends_on_surface) ray = CutAtOne(ray);
     const std::optional<LocalRay> local = Test::MakeRay(ray, scene.mesh->frame());
     hits[i] =
-        local ? FindClosest<Test>(structure, corners, *local, CountCost{&costs[i]}, poll) : Hit{};
+        local ? FindClosest<Test>(structure, corners, *local, &filter, CountCost{&costs[i]}, poll)
+              : Hit{};
   };
   return VisitIntersection(*scene.mesh, options.precision, [&](const auto& corners, auto tag) {
     return std::visit(

@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "core/base/cancel_poll.h"
-#include "core/trace/crossings.h"
 #include "core/trace/trace.h"
 
 namespace kdray::core {
@@ -183,8 +182,8 @@ class Aim {
       opposite[0].direction = random_.Direction();
       opposite[1].direction = opposite[0].direction * -1.0;
       for (Ray& ray : opposite) ray.origin = point;
-      const auto crossings =
-          TraceAll(scene_, std::span<const Ray>(opposite), kMaxCrossings, cancel_);
+      const auto crossings = TraceAll(scene_, std::span<const Ray>(opposite),
+                                      {Precision::kExact, cancel_}, kMaxCrossings);
       if (!crossings.ok() || !crossings->truncated.empty()) return false;
       for (std::size_t ray = 0; ray < opposite.size(); ++ray) {
         const std::size_t first = crossings->first[ray];

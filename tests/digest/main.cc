@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "core/scene/scene.h"
-#include "core/trace/crossings.h"
 #include "core/trace/trace.h"
 
 namespace kdray::test {
@@ -141,7 +140,7 @@ void PrintAnswers(const std::string& name, const MeshData& data, const std::vect
       Print(where + std::string(Name(precision)), digest);
     }
     Digest digest;
-    const Crossings all = TraceAll(scene, batch, 64, {}).value();
+    const AllHits all = TraceAll(scene, batch, {Precision::kExact, {}}, 64).value();
     for (const Hit& hit : all.hits) digest.Add(hit);
     for (const std::size_t first : all.first) digest.Add(std::uint64_t{first});
     Print(where + "crossings", digest);

@@ -5,7 +5,6 @@
 #include <cstdlib>
 #include <stdexcept>
 
-#include "core/trace/crossings.h"
 #include "core/trace/trace.h"
 #include "tests/property/scenes.h"
 #include "tests/support/csv.h"
@@ -31,7 +30,8 @@ std::vector<ClosedMesh::Inside> FindInside(const Scene& scene, std::mt19937_64& 
     line.direction = direction * MaxAbs(bounds.Extent());
     if (IsValid(line)) lines.push_back(line);
   }
-  const Crossings all = TraceAll(scene, std::span<const Ray>(lines), 1'000'000, {}).value();
+  const AllHits all =
+      TraceAll(scene, std::span<const Ray>(lines), With(Precision::kExact), 1'000'000).value();
   std::vector<ClosedMesh::Inside> inside;
   for (std::size_t i = 0; i < lines.size(); ++i) {
     for (std::size_t k = all.first[i]; k + 1 < all.first[i + 1]; k += 2) {

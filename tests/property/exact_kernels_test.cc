@@ -15,7 +15,6 @@
 #include "core/base/parallel.h"
 #include "core/geometry/double_double.h"
 #include "core/trace/brute_force.h"
-#include "core/trace/crossings.h"
 #include "core/trace/trace.h"
 #include "tests/property/scenes.h"
 #include "tests/support/seed.h"
@@ -266,7 +265,8 @@ TEST(ExactKernels, FindAHitAgainFromTheTThatTheyAnswered) {
     EXPECT_EQ(hits, want) << Describe(way);
     EXPECT_EQ(occluded, std::vector<std::uint8_t>(again.size(), 1)) << Describe(way);
   }
-  const Crossings crossings = TraceAll(scene, std::span<const Ray>(again), 64, {}).value();
+  const AllHits crossings =
+      TraceAll(scene, std::span<const Ray>(again), With(Precision::kExact), 64).value();
   for (std::size_t i = 0; i < again.size(); ++i) {
     ASSERT_LT(crossings.first[i], crossings.first[i + 1]);
     EXPECT_EQ(crossings.hits[crossings.first[i]], want[i]);

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "core/trace/crossings.h"
+#include "core/trace/trace.h"
 #include "tests/property/closed_meshes.h"
 #include "tests/property/scenes.h"
 #include "tests/support/mesh_files.h"
@@ -32,7 +32,8 @@ std::vector<Ray> FromOutside(const ClosedMesh& mesh, std::vector<Ray> rays) {
 std::size_t CountWrong(const ClosedMesh& mesh, const std::vector<Ray>& rays, std::uint32_t parity,
                        std::uint32_t most) {
   std::vector<std::uint32_t> counts(rays.size());
-  EXPECT_TRUE(TraceCount(mesh.scene, std::span<const Ray>(rays), {}, counts).ok());
+  EXPECT_TRUE(
+      TraceCount(mesh.scene, std::span<const Ray>(rays), With(Precision::kExact), counts).ok());
   return static_cast<std::size_t>(
       std::count_if(counts.begin(), counts.end(),
                     [&](std::uint32_t count) { return count % 2 != parity || count > most; }));
@@ -107,7 +108,8 @@ TEST(N21Parity, ParityIsRightForEveryRayOfASmallWorld) {
   }
   for (const Scene& scene : MakeScenes(data)) {
     std::vector<std::uint32_t> counts(rays.size());
-    ASSERT_TRUE(TraceCount(scene, std::span<const Ray>(rays), {}, counts).ok());
+    ASSERT_TRUE(
+        TraceCount(scene, std::span<const Ray>(rays), With(Precision::kExact), counts).ok());
     std::size_t wrong = 0;
     for (std::size_t i = 0; i < rays.size(); ++i) wrong += counts[i] % 2 == want[i] ? 0 : 1;
     EXPECT_EQ(wrong, 0u) << Name(scene.tree->build) << ", of " << rays.size();

@@ -16,7 +16,6 @@
 #include "core/base/parallel.h"
 #include "core/library/tree_library.h"
 #include "core/trace/brute_force.h"
-#include "core/trace/crossings.h"
 #include "core/trace/trace.h"
 #include "tests/property/closed_meshes.h"
 #include "tests/property/scenes.h"
@@ -290,18 +289,21 @@ TEST(N20SameBytes, CountsAndCrossingsDependOnNeitherBuildNorThreadsNorBatch) {
   for (const MeshData& data : Meshes()) {
     const ClosedMesh mesh = MakeClosedMesh("mesh", data);
     const std::vector<Ray> rays = Widened(MixedRays(mesh, 300));
-    const Crossings want = TraceAll(mesh.scene, std::span<const Ray>(rays), 64, {}).value();
+    const AllHits want =
+        TraceAll(mesh.scene, std::span<const Ray>(rays), With(Precision::kExact), 64).value();
     for (const Scene& scene : MakeScenes(data)) {
       for (const int threads : {1, 5}) {
         Arena arena(threads);
         arena.Run([&] {
-          const Crossings got = TraceAll(scene, std::span<const Ray>(rays), 64, {}).value();
+          const AllHits got =
+              TraceAll(scene, std::span<const Ray>(rays), With(Precision::kExact), 64).value();
           ASSERT_TRUE(SameBits(got.hits, want.hits)) << Name(scene.tree->build);
           ASSERT_EQ(got.first, want.first);
           std::vector<std::uint32_t> count(1);
           for (std::size_t i = 0; i < rays.size(); i += 7) {
-            ASSERT_TRUE(
-                TraceCount(scene, std::span<const Ray>(rays).subspan(i, 1), {}, count).ok());
+            ASSERT_TRUE(TraceCount(scene, std::span<const Ray>(rays).subspan(i, 1),
+                                   With(Precision::kExact), count)
+                            .ok());
             ASSERT_EQ(count[0], want.first[i + 1] - want.first[i]);
           }
         });

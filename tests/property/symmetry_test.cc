@@ -6,7 +6,6 @@
 #include <numeric>
 #include <set>
 
-#include "core/trace/crossings.h"
 #include "core/trace/trace.h"
 #include "tests/property/closed_meshes.h"
 #include "tests/property/scenes.h"
@@ -35,7 +34,7 @@ std::vector<Hit> Closest(const Scene& scene, const std::vector<Ray>& rays, Preci
 }
 std::vector<std::uint32_t> Counts(const Scene& scene, const std::vector<Ray>& rays) {
   std::vector<std::uint32_t> counts(rays.size());
-  EXPECT_TRUE(TraceCount(scene, std::span<const Ray>(rays), {}, counts).ok());
+  EXPECT_TRUE(TraceCount(scene, std::span<const Ray>(rays), With(Precision::kExact), counts).ok());
   return counts;
 }
 

@@ -17,6 +17,7 @@
 #include "core/kernel/simd/exact_hits-inl.h"
 #include "core/kernel/simd/filters-inl.h"
 #include "core/kernel/simd/isa.h"
+#include "core/kernel/simd/keep-inl.h"
 #include "core/kernel/simd/rays-inl.h"
 #include "core/kernel/simd/search-inl.h"
 #include "core/kernel/simd/vectors-inl.h"
@@ -125,44 +126,74 @@ struct ExactRay : RoundedRay {
   }
 };
 
-/// ExactIntersection on four triangles at once, while double arithmetic is certain about all signs
-/// and about the smaller t. At the first doubt the ray goes to the ScalarSearch, which then gets
-/// every triangle that may be hit.
-template <class Stored>
-struct ExactSearch {
-  using Answers = ExactAnswers;
+/// The common part of searches in `exact`: the ray, its interval, and its scalar search.
+struct ExactRaySearch {
   static constexpr bool kBeginsUsual = true;
   CullRay cull;
-  bool found;
-  bool is_scalar;
-  PrimitiveId best_id;
   std::size_t row;
   ExactRay exact;
   int exponent;
-  double best_low, best_high;  // bounds of the best s
-  Vec3<Stored> best_corners[3];
   RoundedRay::Bound t_min, t_max;  // the caller's interval, local
-  ScalarSearchSpace space;         // once is_scalar
+  bool is_scalar;
+  ScalarSearchSpace space;  // once is_scalar
 
   static std::optional<LocalRay> MakeRay(const Ray& ray, const MeshFrame& frame) {
     return MakeExactLocalRay(ray, frame);
   }
-
-  void Begin(const KernelJob&, const LocalRay& local, std::size_t at) {
+  void BeginRay(const LocalRay& local, std::size_t at) {
     PrepareShear(local, &cull);
     exact.Begin(local, cull);
-    BeginEmpty(local, at);
+    row = at;
+    exponent = local.exponent;
+    is_scalar = false;
     t_min = RoundedRay::BoundOf(local.t_min, local);
     t_max = RoundedRay::BoundOf(local.t_max, local);
   }
-  KDRAY_INLINE void BeginUsual(const KernelJob& job, const FrameVectors& frame,
-                               const LocalRay& local, std::size_t at) {
+  KDRAY_INLINE void BeginUsualRay(const KernelJob& job, const FrameVectors& frame,
+                                  const LocalRay& local, std::size_t at) {
     PrepareShear(local, &cull);
     exact.BeginUsual(LoadRay(job.rays, at), frame, local, cull);
-    BeginEmpty(local, at);
+    row = at;
+    exponent = local.exponent;
+    is_scalar = false;
     const double to_local = PowerOfTwo(-local.exponent);
     t_min = BoundOf(local.t_min * to_local);
     t_max = BoundOf(local.t_max * to_local);
+  }
+  __attribute__((noinline)) void BeginScalar(const KernelJob& job) {
+    is_scalar = true;
+    const Ray ray = job.rays[row];
+    const std::optional<LocalRay> local = MakeRay(ray, job.mesh->frame());
+    job.scalar->Begin(*local, &space);
+  }
+
+ private:
+  /// RoundedRay::BoundOf for a ray whose origin was not moved.
+  static RoundedRay::Bound BoundOf(double t) {
+    const double room = std::copysign(0x1p-48, t);
+    return {t * (1 - room), t * (1 + room)};
+  }
+};
+
+/// ExactIntersection on four triangles at once, while double arithmetic is certain about all signs
+/// and about the smaller t. At the first doubt the ray goes to the ScalarSearch, which then gets
+/// every triangle that may be hit.
+template <class Stored>
+struct ExactSearch : ExactRaySearch {
+  using Answers = ExactAnswers;
+  bool found;
+  PrimitiveId best_id;
+  double best_low, best_high;  // bounds of the best s
+  Vec3<Stored> best_corners[3];
+
+  void Begin(const KernelJob&, const LocalRay& local, std::size_t at) {
+    BeginRay(local, at);
+    BeginEmpty();
+  }
+  KDRAY_INLINE void BeginUsual(const KernelJob& job, const FrameVectors& frame,
+                               const LocalRay& local, std::size_t at) {
+    BeginUsualRay(job, frame, local, at);
+    BeginEmpty();
   }
 
   KDRAY_INLINE void Test(const KernelJob& job, const LeafBlock& block, unsigned lanes) {
@@ -178,6 +209,7 @@ struct ExactSearch {
                                         : Compare(decision.low[k], decision.high[k], ids[k]);
             if (verdict == Verdict::kDoubt) OfferToScalar(job, ids[k]);
             if (verdict != Verdict::kCloser) continue;
+            if (job.filter != nullptr && !FilterKeeps(job, row, ids[k])) continue;
             found = true;
             best_id = ids[k];
             best_low = decision.low[k];
@@ -191,16 +223,9 @@ struct ExactSearch {
   }
 
  private:
-  KDRAY_INLINE void BeginEmpty(const LocalRay& local, std::size_t at) {
-    found = is_scalar = false;
+  KDRAY_INLINE void BeginEmpty() {
+    found = false;
     best_id = kNoPrimitive;
-    row = at;
-    exponent = local.exponent;
-  }
-  /// RoundedRay::BoundOf for a ray whose origin was not moved.
-  static RoundedRay::Bound BoundOf(double t) {
-    const double room = std::copysign(0x1p-48, t);
-    return {t * (1 - room), t * (1 + room)};
   }
 
   enum class Verdict { kCloser, kNotCloser, kDoubt };
@@ -213,16 +238,12 @@ struct ExactSearch {
     return in_interval ? Verdict::kCloser : Verdict::kDoubt;
   }
 
-  __attribute__((noinline)) void HandToScalar(const KernelJob& job) {
-    is_scalar = true;
-    const Ray ray = job.rays[row];
-    const std::optional<LocalRay> local = MakeRay(ray, job.mesh->frame());
-    job.scalar->Begin(*local, &space);
-    if (found) job.scalar->Offer(best_id, &space);
-  }
   __attribute__((noinline)) void OfferToScalar(const KernelJob& job, PrimitiveId id) {
     job.poll->Spend(job.scalar->work());
-    if (!is_scalar) HandToScalar(job);
+    if (!is_scalar) {
+      BeginScalar(job);
+      if (found) job.scalar->Offer(best_id, &space);
+    }
     if (!job.scalar->Offer(id, &space)) return;
     found = true;
     cull.exit = std::min(cull.exit, RoundedUp(job.scalar->Limit(space)));

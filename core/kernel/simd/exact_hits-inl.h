@@ -60,6 +60,23 @@ struct ExactHits4 {
   alignas(32) double origin[3][4], origin_low[3][4], origin_size[4];
   alignas(32) double shift[4], shift_low[4];
   alignas(32) double corner[3][3][4];  // of corner a, b, c the coordinates x, y, z
+
+  void SetRay(unsigned k, const RoundedRay& ray) {
+    for (int axis = 0; axis < 3; ++axis) {
+      direction[axis][k] = ray.direction[axis];
+      origin[axis][k] = ray.origin[axis];
+      origin_low[axis][k] = ray.origin_low[axis];
+    }
+    origin_size[k] = ray.OriginSize();
+    shift[k] = ray.shift;
+    shift_low[k] = ray.shift_low;
+  }
+  template <class Number>
+  void SetCorner(unsigned k, int which, const Vec3<Number>& at) {
+    for (int axis = 0; axis < 3; ++axis) {
+      corner[which][axis][k] = static_cast<double>(at[axis]);
+    }
+  }
 };
 
 struct SizedVector4 {
@@ -141,6 +158,12 @@ KDRAY_INLINE unsigned Solve4(const ExactHits4& hits, double* t, double* u, doubl
   return known;
 }
 
+/// Whether scaling to the caller's t rounded nothing: true except for numbers below the normal
+/// range.
+KDRAY_INLINE bool IsRoundedOnce(double caller_t) {
+  return std::fabs(caller_t) >= std::numeric_limits<double>::min();
+}
+
 // ---- Answers ----
 
 /// Collects the hits of ended searches and writes them four at a time. Flush() writes the rest.
@@ -152,18 +175,10 @@ class ExactAnswers {
       job.hits[search.row] = search.found ? job.scalar->Finish(search.space) : Hit{};
       return;
     }
-    const RoundedRay& ray = search.exact;
-    for (int axis = 0; axis < 3; ++axis) {
-      hits_.direction[axis][size_] = ray.direction[axis];
-      hits_.origin[axis][size_] = ray.origin[axis];
-      hits_.origin_low[axis][size_] = ray.origin_low[axis];
-      for (int corner = 0; corner < 3; ++corner) {
-        hits_.corner[corner][axis][size_] = static_cast<double>(search.best_corners[corner][axis]);
-      }
+    hits_.SetRay(size_, search.exact);
+    for (int corner = 0; corner < 3; ++corner) {
+      hits_.SetCorner(size_, corner, search.best_corners[corner]);
     }
-    hits_.origin_size[size_] = ray.OriginSize();
-    hits_.shift[size_] = ray.shift;
-    hits_.shift_low[size_] = ray.shift_low;
     exponent_[size_] = search.exponent;
     row_[size_] = search.row;
     id_[size_] = search.best_id;
@@ -176,9 +191,7 @@ class ExactAnswers {
     const unsigned known = Solve4(hits_, t, u, v);
     for (unsigned k = 0; k < size_; ++k) {
       const double caller_t = ToCallerT(t[k], exponent_[k]);
-      // A smaller t would be rounded twice.
-      const bool is_normal = std::fabs(caller_t) >= std::numeric_limits<double>::min();
-      job.hits[row_[k]] = (known >> k & 1u) != 0 && is_normal
+      job.hits[row_[k]] = (known >> k & 1u) != 0 && IsRoundedOnce(caller_t)
                               ? Hit{caller_t, u[k], v[k], id_[k]}
                               : DecidedByScalar(job, row_[k], id_[k]);
     }
@@ -191,8 +204,7 @@ class ExactAnswers {
     ScalarSearchSpace space;
     const Ray ray = job.rays[row];
     job.scalar->Begin(*job.scalar->MakeRay(ray, job.mesh->frame()), &space);
-    job.scalar->Offer(id, &space);
-    return job.scalar->Finish(space);
+    return job.scalar->Answer(id, &space);
   }
 
   ExactHits4 hits_ = {};

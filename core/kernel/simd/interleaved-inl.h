@@ -23,12 +23,12 @@
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// Writes the answer of a ray that needs no search.
+/// Writes the answer of a ray that needs no search; counts and lists are 0 and empty already.
 KDRAY_INLINE void AnswerWithoutSearch(const KernelJob& job, std::size_t row, bool valid) {
   if (job.hits != nullptr) {
     job.hits[row] = Hit{};
     if (!valid) job.hits[row].t = std::numeric_limits<double>::quiet_NaN();
-  } else {
+  } else if (job.occluded != nullptr) {
     job.occluded[row] = 0;
   }
 }

@@ -6,9 +6,11 @@
 #include "core/intersect/precision.h"
 #include "core/kernel/kernel.h"
 #include "core/kernel/simd/exact-inl.h"
+#include "core/kernel/simd/exact_all-inl.h"
 #include "core/kernel/simd/frustum-inl.h"
 #include "core/kernel/simd/interleaved-inl.h"
 #include "core/kernel/simd/isa.h"
+#include "core/kernel/simd/keep-inl.h"
 #include "core/kernel/simd/packet_hits-inl.h"
 #include "core/kernel/simd/search-inl.h"
 #include "core/kernel/simd/stream-inl.h"
@@ -16,46 +18,67 @@
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-template <class Search>
-KernelFunction FindFor(KernelKind kernel, bool any) {
-  if (kernel == KernelKind::kStream) {
-    return any ? &TraceStream<Search, true> : &TraceStream<Search, false>;
+template <class Search, bool kAny>
+KernelFunction FindFor(KernelKind kernel) {
+  return kernel == KernelKind::kStream ? &TraceStream<Search, kAny>
+                                       : &TraceInterleaved<Search, kAny>;
+}
+/// For closest and any, and for all.
+template <class Search, class AllSearch>
+KernelFunction FindFor(KernelKind kernel, RayQuery query) {
+  switch (query) {
+    case RayQuery::kClosest:
+      break;
+    case RayQuery::kAny:
+      return FindFor<Search, true>(kernel);
+    case RayQuery::kAll:
+      return FindFor<AllSearch, false>(kernel);
   }
-  return any ? &TraceInterleaved<Search, true> : &TraceInterleaved<Search, false>;
+  return FindFor<Search, false>(kernel);
+}
+template <class Stored>
+KernelFunction FindForDouble(KernelKind kernel, RayQuery query) {
+  return FindFor<DoubleSearch<KeepClosest, Stored>, DoubleSearch<KeepAll, Stored>>(kernel, query);
+}
+template <class Stored>
+KernelFunction FindForExact(KernelKind kernel, RayQuery query) {
+  return FindFor<ExactSearch<Stored>, ExactAllSearch<Stored>>(kernel, query);
 }
 
 template <class Hits, class Search, bool kAny>
 void TraceFrustumOr(const KernelJob& job, std::size_t first, std::size_t last) {
   TraceFrustum<Hits>(
       job, first, last,
-      FindFor<Search>(job.alike ? KernelKind::kStream : KernelKind::kInterleaved, kAny));
+      FindFor<Search, kAny>(job.alike ? KernelKind::kStream : KernelKind::kInterleaved));
 }
 template <class ClosestHits, class Search>
-KernelFunction FindFrustum(bool any) {
-  return any ? &TraceFrustumOr<AnyPacketHits<ClosestHits>, Search, true>
-             : &TraceFrustumOr<ClosestHits, Search, false>;
+KernelFunction FindFrustum(RayQuery query) {
+  return query == RayQuery::kAny ? &TraceFrustumOr<AnyPacketHits<ClosestHits>, Search, true>
+                                 : &TraceFrustumOr<ClosestHits, Search, false>;
 }
 
-KernelFunction Find(KernelKind kernel, Precision precision, bool double_vertices, bool any) {
-  if (kernel == KernelKind::kFrustum) {
-    if (precision == Precision::kFast) return FindFrustum<FastPacketHits, FastSearch>(any);
+KernelFunction Find(KernelKind kernel, Precision precision, bool double_vertices, RayQuery query) {
+  if (kernel == KernelKind::kFrustum && query != RayQuery::kAll) {
+    if (precision == Precision::kFast) {
+      return FindFrustum<FastPacketHits, FastSearch<KeepClosest>>(query);
+    }
     if (precision == Precision::kWatertight) {
-      return FindFrustum<WatertightPacketHits, WatertightSearch>(any);
+      return FindFrustum<WatertightPacketHits, WatertightSearch<KeepClosest>>(query);
     }
   }
-  // The other precisions have no frustum kernel.
+  // The others have no frustum kernel.
   if (kernel == KernelKind::kFrustum) kernel = KernelKind::kInterleaved;
   switch (precision) {
     case Precision::kFast:
-      return FindFor<FastSearch>(kernel, any);
+      return FindFor<FastSearch<KeepClosest>, FastSearch<KeepAll>>(kernel, query);
     case Precision::kWatertight:
-      return FindFor<WatertightSearch>(kernel, any);
+      return FindFor<WatertightSearch<KeepClosest>, WatertightSearch<KeepAll>>(kernel, query);
     case Precision::kDouble:
-      return double_vertices ? FindFor<DoubleSearch<double>>(kernel, any)
-                             : FindFor<DoubleSearch<float>>(kernel, any);
+      return double_vertices ? FindForDouble<double>(kernel, query)
+                             : FindForDouble<float>(kernel, query);
     case Precision::kExact:
-      return double_vertices ? FindFor<ExactSearch<double>>(kernel, any)
-                             : FindFor<ExactSearch<float>>(kernel, any);
+      return double_vertices ? FindForExact<double>(kernel, query)
+                             : FindForExact<float>(kernel, query);
   }
   return nullptr;
 }

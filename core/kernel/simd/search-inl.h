@@ -1,6 +1,7 @@
-// One ray's search for its hit: the decisions on blocks of triangles. A search is reused for one
+// One ray's search for its hits: the decisions on blocks of triangles. A search is reused for one
 // ray after the other: Begin; Test for each block that the ray meets, with the lanes that may be
-// hit; then its Answers::Add, which may delay the hit until Answers::Flush.
+// hit; then its Answers::Add, which may delay the hit until Answers::Flush. What it keeps of the
+// hits is in keep-inl.h.
 #pragma once
 
 #include <array>
@@ -17,72 +18,32 @@
 #include "core/kernel/kernel.h"
 #include "core/kernel/simd/filters-inl.h"
 #include "core/kernel/simd/isa.h"
+#include "core/kernel/simd/keep-inl.h"
 #include "core/kernel/simd/rays-inl.h"
 #include "core/kernel/simd/vectors-inl.h"
 
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// The common part of searches with a vector form of their triangle intersection: RoundedOrder and
-/// ClosestSearch in plain numbers.
-struct RoundedSearch {
-  static constexpr bool kBeginsUsual = false;  ///< whether there is a BeginUsual
-  CullRay cull;
-  bool found;
-  int exponent;
-  PrimitiveId best_id;
-  double shift, t_min, t_max;
-  double best_key, best_u, best_v;  // the key is s + shift
-  std::size_t row;
-
-  static std::optional<LocalRay> MakeRay(const Ray& ray, const MeshFrame& frame) {
-    return MakeLocalRay(ray, frame);
-  }
-
-  void BeginRounded(const LocalRay& local, std::size_t at) {
-    found = false;
-    exponent = local.exponent;
-    shift = local.shift;
-    t_min = local.t_min;
-    t_max = local.t_max;
-    best_id = kNoPrimitive;
-    row = at;
-  }
-  KDRAY_INLINE void Offer(double s, double u, double v, PrimitiveId id) {
-    const double key = s + shift;
-    if (found && !Closer(key, id, best_key, best_id)) return;
-    const double t = ToCallerT(key, exponent);
-    if (!(t >= t_min && t <= t_max)) return;
-    found = true;
-    best_key = key;
-    best_u = u;
-    best_v = v;
-    best_id = id;
-    // RoundedOrder::Limit.
-    cull.exit = std::min(cull.exit, RoundedUp(s + std::fabs(shift) * 0x1p-50));
-  }
-  /// For the few triangles that the vector form does not decide.
-  __attribute__((noinline)) void DecideByScalar(const KernelJob& job, PrimitiveId id) {
-    job.poll->Spend(4 * job.scalar->work());
-    const Ray ray = job.rays[row];
-    const std::optional<LocalRay> local = MakeLocalRay(ray, job.mesh->frame());
-    TriangleHit hit;
-    if (local && job.scalar->Test(*local, id, &hit)) Offer(hit.s, hit.u, hit.v, id);
-  }
-
-  struct Answers {
-    KDRAY_INLINE void Add(const KernelJob& job, const RoundedSearch& search) {
-      job.hits[search.row] = search.found ? Hit{ToCallerT(search.best_key, search.exponent),
-                                                search.best_u, search.best_v, search.best_id}
-                                          : Hit{};
-    }
-    void Flush(const KernelJob&) {}
-  };
-};
+/// For the few triangles that the vector form does not decide.
+template <class Search>
+__attribute__((noinline)) void DecideByScalar(const KernelJob& job, PrimitiveId id,
+                                              Search* search) {
+  job.poll->Spend(4 * job.scalar->work());
+  const Ray ray = job.rays[search->row];
+  const std::optional<LocalRay> local = MakeLocalRay(ray, job.mesh->frame());
+  TriangleHit hit;
+  if (local && job.scalar->Test(*local, id, &hit)) search->Offer(job, hit.s, hit.u, hit.v, id);
+}
 
 /// FastIntersection on eight triangles at once.
-struct FastSearch : RoundedSearch {
-  void Begin(const KernelJob&, const LocalRay& local, std::size_t at) { BeginRounded(local, at); }
+template <class Keep>
+struct FastSearch : Keep {
+  using Keep::cull, Keep::Offer;
+
+  void Begin(const KernelJob& job, const LocalRay& local, std::size_t at) {
+    Keep::BeginRounded(job, local, at);
+  }
 
   KDRAY_INLINE void Test(const KernelJob& job, const LeafBlock& block, unsigned lanes) {
     F8 a[3], b[3], c[3], d[3], from_a[3];
@@ -122,10 +83,10 @@ struct FastSearch : RoundedSearch {
       const unsigned lane = static_cast<unsigned>(__builtin_ctz(candidates));
       candidates &= candidates - 1;
       if ((certain >> lane & 1u) != 0) {
-        Offer(static_cast<double>(s_of[lane]), static_cast<double>(u_of[lane]) + 0.0,
+        Offer(job, static_cast<double>(s_of[lane]), static_cast<double>(u_of[lane]) + 0.0,
               static_cast<double>(v_of[lane]) + 0.0, block.IdOf(lane));
       } else {
-        DecideByScalar(job, block.IdOf(lane));
+        DecideByScalar(job, block.IdOf(lane), this);
       }
     } while (candidates != 0);
   }
@@ -189,11 +150,13 @@ struct DoubleRay {
 };
 
 /// WatertightIntersection<float> on eight triangles at once.
-struct WatertightSearch : RoundedSearch {
+template <class Keep>
+struct WatertightSearch : Keep {
+  using Keep::cull, Keep::Offer;
   DoubleRay exact;
 
-  void Begin(const KernelJob&, const LocalRay& local, std::size_t at) {
-    BeginRounded(local, at);
+  void Begin(const KernelJob& job, const LocalRay& local, std::size_t at) {
+    Keep::BeginRounded(job, local, at);
     PrepareShear(local, &cull);
     exact.Begin(local, cull);
   }
@@ -218,9 +181,9 @@ struct WatertightSearch : RoundedSearch {
         four &= four - 1;
         const PrimitiveId id = block.IdOf(first + lane);
         if ((decided >> lane & 1u) != 0) {
-          Offer(decision.s[lane], decision.u[lane], decision.v[lane], id);
+          Offer(job, decision.s[lane], decision.u[lane], decision.v[lane], id);
         } else {
-          DecideByScalar(job, id);
+          DecideByScalar(job, id, this);
         }
       } while (four != 0);
     }
@@ -286,12 +249,13 @@ KDRAY_INLINE void VisitFours(const KernelJob& job, const LeafBlock& block, unsig
 }
 
 /// WatertightIntersection<double>, four triangles at once, with the mesh's own vertices.
-template <class Stored>
-struct DoubleSearch : RoundedSearch {
+template <class Keep, class Stored>
+struct DoubleSearch : Keep {
+  using Keep::cull, Keep::Offer;
   DoubleRay exact;
 
-  void Begin(const KernelJob&, const LocalRay& local, std::size_t at) {
-    BeginRounded(local, at);
+  void Begin(const KernelJob& job, const LocalRay& local, std::size_t at) {
+    Keep::BeginRounded(job, local, at);
     PrepareShear(local, &cull);
     exact.Begin(local, cull);
   }
@@ -304,7 +268,7 @@ struct DoubleSearch : RoundedSearch {
                              exact.Decide(corner_at, &decision);
                              for (four &= decision.inside; four != 0; four &= four - 1) {
                                const unsigned k = static_cast<unsigned>(__builtin_ctz(four));
-                               Offer(decision.s[k], decision.u[k], decision.v[k], ids[k]);
+                               Offer(job, decision.s[k], decision.u[k], decision.v[k], ids[k]);
                              }
                            });
   }

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "core/scene/scene.h"
-#include "core/trace/crossings.h"
 #include "core/trace/trace.h"
 #include "core/tradeoff/ray_sets.h"
 #include "tests/support/cancel_probe.h"
@@ -101,11 +100,11 @@ std::vector<Query> OtherQueries() {
       {"count",
        [](const Scene& scene, std::span<const Ray> rays, const core::TraceOptions& options) {
          std::vector<std::uint32_t> counts(rays.size());
-         return core::TraceCount(scene, rays, options.cancel, counts);
+         return core::TraceCount(scene, rays, options, counts);
        }},
       {"all",
        [](const Scene& scene, std::span<const Ray> rays, const core::TraceOptions& options) {
-         return test::StatusOf(core::TraceAll(scene, rays, 1 << 20, options.cancel));
+         return test::StatusOf(core::TraceAll(scene, rays, options, 1 << 20));
        }},
   };
 }
@@ -195,12 +194,13 @@ TEST(CancelledTrace, SortsCrossingsThatTieWithPolls) {
   // Every pair of crossings ties in the rounded t: each comparison takes integers.
   const Scene scene = test::MakeScene(test::Coincident(20000), BuildKind::kBox);
   const std::vector<Ray> rays = Beam(scene, 64);
-  ExpectPrompt(test::CancelDuring(milliseconds(100),
-                                  [&](const CancelToken& token) {
-                                    return test::StatusOf(
-                                        core::TraceAll(scene, std::span(rays), 1 << 20, token));
-                                  }),
-               "all");
+  ExpectPrompt(
+      test::CancelDuring(milliseconds(100),
+                         [&](const CancelToken& token) {
+                           return test::StatusOf(core::TraceAll(
+                               scene, std::span(rays), {Precision::kExact, token}, 1 << 20));
+                         }),
+      "all");
 }
 
 TEST(CancelledTrace, AnswersFullyOrNotAtAllWheneverItIsCancelled) {

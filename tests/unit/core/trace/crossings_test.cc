@@ -1,5 +1,3 @@
-#include "core/trace/crossings.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,6 +12,8 @@
 namespace kdray::core {
 namespace {
 
+const TraceOptions kExact{Precision::kExact, {}};
+
 Scene SceneOf(const MeshData& data, BuildKind build) {
   auto mesh = std::make_shared<const TriangleMesh>(TriangleMesh::Create(data).value());
   auto tree = std::make_shared<const Tree>(BuildTree(*mesh, build).value());
@@ -22,7 +22,7 @@ Scene SceneOf(const MeshData& data, BuildKind build) {
 
 std::vector<std::uint32_t> Counts(const Scene& scene, const std::vector<Ray>& rays) {
   std::vector<std::uint32_t> counts(rays.size());
-  EXPECT_TRUE(TraceCount(scene, std::span<const Ray>(rays), {}, counts).ok());
+  EXPECT_TRUE(TraceCount(scene, std::span<const Ray>(rays), kExact, counts).ok());
   return counts;
 }
 
@@ -112,7 +112,8 @@ TEST(Crossings, AreTheSameForEveryBuildAndEachTriangleIsThereOnce) {
     rays.push_back(ray);
   }
   const std::span<const Ray> batch(rays);
-  const Crossings expected = TraceAll(SceneOf(data, BuildKind::kBox), batch, 1'000'000, {}).value();
+  const AllHits expected =
+      TraceAll(SceneOf(data, BuildKind::kBox), batch, kExact, 1'000'000).value();
   EXPECT_TRUE(expected.truncated.empty());
   for (std::size_t i = 0; i < rays.size(); ++i) {
     std::vector<PrimitiveId> ids;
@@ -129,10 +130,10 @@ TEST(Crossings, AreTheSameForEveryBuildAndEachTriangleIsThereOnce) {
   }
   for (const BuildKind build : kAllBuildKinds) {
     const Scene scene = SceneOf(data, build);
-    const Crossings all = TraceAll(scene, batch, 1'000'000, {}).value();
+    const AllHits all = TraceAll(scene, batch, kExact, 1'000'000).value();
     EXPECT_EQ(all.hits, expected.hits) << Name(build);
     EXPECT_EQ(all.first, expected.first) << Name(build);
-    const Crossings few = TraceAll(scene, batch, 3, {}).value();
+    const AllHits few = TraceAll(scene, batch, kExact, 3).value();
     const std::vector<std::uint32_t> counts = Counts(scene, rays);
     std::size_t cut = 0;
     for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -161,7 +162,7 @@ TEST(Crossings, FirstIsTheClosestHitAwayFromEdges) {
   }
   std::vector<Hit> hits(rays.size());
   ASSERT_TRUE(TraceClosest(scene, std::span<const Ray>(rays), {Precision::kExact, {}}, hits).ok());
-  const Crossings nearest = TraceAll(scene, std::span<const Ray>(rays), 1, {}).value();
+  const AllHits nearest = TraceAll(scene, std::span<const Ray>(rays), kExact, 1).value();
   for (std::size_t i = 0; i < rays.size(); ++i) {
     ASSERT_EQ(nearest.first[i + 1] > nearest.first[i], hits[i].IsHit());
     if (hits[i].IsHit()) {
@@ -177,7 +178,7 @@ TEST(Crossings, OfRaysThatCannotBeAreNone) {
   rays[1].direction = {0, 0, 0};
   rays[2].direction = {0, NAN, 1};
   EXPECT_EQ(Counts(scene, rays), (std::vector<std::uint32_t>{1, 0, 0}));
-  const Crossings all = TraceAll(scene, std::span<const Ray>(rays), 8, {}).value();
+  const AllHits all = TraceAll(scene, std::span<const Ray>(rays), kExact, 8).value();
   EXPECT_EQ(all.first, (std::vector<std::size_t>{0, 1, 1, 1}));
 }
 
@@ -187,10 +188,13 @@ TEST(Crossings, StopWhenCancelled) {
   cancel.Cancel();
   const std::vector<Ray> rays(10);
   std::vector<std::uint32_t> counts(10);
-  EXPECT_EQ(TraceCount(scene, std::span<const Ray>(rays), cancel, counts).error().code,
+  EXPECT_EQ(TraceCount(scene, std::span<const Ray>(rays), {Precision::kExact, cancel}, counts)
+                .error()
+                .code,
             ErrorCode::kCancelled);
-  EXPECT_EQ(TraceAll(scene, std::span<const Ray>(rays), 1, cancel).error().code,
-            ErrorCode::kCancelled);
+  EXPECT_EQ(
+      TraceAll(scene, std::span<const Ray>(rays), {Precision::kExact, cancel}, 1).error().code,
+      ErrorCode::kCancelled);
 }
 
 // Beyond some 2^50 mesh sizes a ray's place beside the mesh is lost in rounding, so trees may cull

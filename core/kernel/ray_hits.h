@@ -1,0 +1,67 @@
+// The hits of one ray for the queries `count` and `all`: each triangle once, although a kd-tree may
+// offer it from several leaves.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "core/base/cancel_poll.h"
+#include "core/geometry/hit.h"
+#include "core/kernel/triangle_set.h"
+
+namespace kdray::core {
+
+/// A row's hits of `all` in the list of the block of rows that it was traced in.
+struct HitRow {
+  std::size_t first = 0;
+  std::uint32_t size = 0;
+  std::uint32_t block : 31 = 0;
+  std::uint32_t is_truncated : 1 = 0;
+};
+
+/// The output of `all`.
+struct HitLists {
+  std::size_t max_hits = 0;                   ///< of a ray
+  HitRow* rows = nullptr;                     ///< by row; rows without a hit are not written
+  std::vector<Hit>* blocks = nullptr;         ///< by block
+  std::size_t block = 0;                      ///< the block in work
+  std::atomic<std::size_t>* total = nullptr;  ///< hits of all rows so far, or somewhat fewer
+};
+
+/// The hits of one ray, for `all`. Reused for one ray after the other. Memory is O(max_hits),
+/// however many hits are added.
+class NearestHits {
+ public:
+  /// Forgets the ray before.
+  void Begin(std::size_t max_hits);
+  /// t orders the hits; NaN if it is not known yet. A triangle may be added again. When the list is
+  /// full, the caller must call KeepNearest() before the next one.
+  void Add(const Hit& hit) { hits_.push_back(hit); }
+  bool IsFull() const { return hits_.size() >= full_; }
+
+  /// Drops repeated triangles. Returns the hits whose t is not known; the caller then sets it.
+  std::span<Hit> DropRepeats(CancelPoll* poll);
+  /// Drops repeated triangles, sorts by (t, id), and keeps the first max_hits. Every t must be
+  /// known. order_ties(hits) puts hits of equal t into another order. Returns the t beyond which no
+  /// hit can be kept; infinity until one was dropped. Unspecified if the poll stops.
+  double KeepNearest(CancelPoll* poll) { return KeepNearest({}, poll); }
+  double KeepNearest(const std::function<void(std::span<Hit>)>& order_ties, CancelPoll* poll);
+
+  std::span<Hit> hits() { return hits_; }
+  /// Whether KeepNearest() has dropped a hit for its t.
+  bool is_truncated() const { return is_truncated_; }
+  /// Appends the hits to the block's list. KeepNearest() was called after the last Add().
+  void Store(std::size_t row, const HitLists& lists) const;
+
+ private:
+  std::size_t max_hits_ = 0;
+  std::size_t full_ = 0;
+  bool is_truncated_ = false;
+  std::vector<Hit> hits_;
+};
+
+}  // namespace kdray::core

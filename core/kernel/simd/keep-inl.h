@@ -1,0 +1,164 @@
+// What a search keeps of the hits that it is offered: the closest one, for `closest` and `any`, or
+// all, for `count` and `all`.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+#include "core/geometry/hit.h"
+#include "core/geometry/local_ray.h"
+#include "core/kernel/kernel.h"
+#include "core/kernel/ray_hits.h"
+#include "core/kernel/simd/isa.h"
+#include "core/kernel/simd/rays-inl.h"
+#include "core/kernel/simd/vectors-inl.h"
+#include "core/kernel/triangle_set.h"
+
+KDRAY_BEGIN_ISA();
+namespace kdray::core::KDRAY_ISA {
+
+/// Whether the job's filter, which is not null, keeps a hit.
+__attribute__((noinline)) inline bool FilterKeeps(const KernelJob& job, std::size_t row,
+                                                  PrimitiveId id) {
+  return job.filter->Keeps(job.rays[row], id);
+}
+
+/// What a search for all hits of a ray has found.
+struct AllOfRay {
+  std::uint32_t count;
+  TriangleSet seen;  // for `count`, of a tree with repeats
+  NearestHits nearest;
+
+  void Begin(const KernelJob& job) {
+    count = 0;
+    if (job.counts == nullptr) {
+      nearest.Begin(job.lists.max_hits);
+    } else if (job.has_repeats) {
+      seen.Clear(job.mesh->triangle_count());
+    }
+  }
+  /// Whether `count` has the triangle already.
+  bool WasCounted(const KernelJob& job, PrimitiveId id) const {
+    return job.counts != nullptr && job.has_repeats && seen.Contains(id);
+  }
+  /// Takes a triangle within the ray's interval. Returns whether the list is now full.
+  bool Take(const KernelJob& job, std::size_t row, const Hit& hit) {
+    const PrimitiveId id = hit.primitive_id;
+    if (job.counts != nullptr && job.has_repeats && !seen.Insert(id)) return false;
+    if (job.filter != nullptr && !FilterKeeps(job, row, id)) return false;
+    if (job.counts != nullptr) {
+      ++count;
+      return false;
+    }
+    nearest.Add(hit);
+    return nearest.IsFull();
+  }
+  void Store(const KernelJob& job, std::size_t row) const {
+    if (job.counts != nullptr) {
+      job.counts[row] = count;
+    } else {
+      nearest.Store(row, job.lists);
+    }
+  }
+};
+
+/// The common part of searches with a vector form of their triangle intersection: RoundedOrder in
+/// plain numbers.
+struct RoundedSearch {
+  static constexpr bool kBeginsUsual = false;  ///< whether there is a BeginUsual
+  CullRay cull;
+  int exponent;
+  double shift, t_min, t_max;
+  std::size_t row;
+
+  static std::optional<LocalRay> MakeRay(const Ray& ray, const MeshFrame& frame) {
+    return MakeLocalRay(ray, frame);
+  }
+  void BeginRay(const LocalRay& local, std::size_t at) {
+    exponent = local.exponent;
+    shift = local.shift;
+    t_min = local.t_min;
+    t_max = local.t_max;
+    row = at;
+  }
+  KDRAY_INLINE bool IsInInterval(double key) const {
+    const double t = ToCallerT(key, exponent);
+    return t >= t_min && t <= t_max;
+  }
+};
+
+/// Keeps a ray's closest hit, as ClosestSearch does.
+struct KeepClosest : RoundedSearch {
+  bool found;
+  PrimitiveId best_id;
+  double best_key, best_u, best_v;  // the key is s + shift
+
+  void BeginRounded(const KernelJob&, const LocalRay& local, std::size_t at) {
+    BeginRay(local, at);
+    found = false;
+    best_id = kNoPrimitive;
+  }
+  KDRAY_INLINE void Offer(const KernelJob& job, double s, double u, double v, PrimitiveId id) {
+    const double key = s + shift;
+    if (found && !Closer(key, id, best_key, best_id)) return;
+    if (!IsInInterval(key)) return;
+    if (job.filter != nullptr && !FilterKeeps(job, row, id)) return;
+    found = true;
+    best_key = key;
+    best_u = u;
+    best_v = v;
+    best_id = id;
+    // RoundedOrder::Limit.
+    cull.exit = std::min(cull.exit, RoundedUp(s + std::fabs(shift) * 0x1p-50));
+  }
+
+  struct Answers {
+    KDRAY_INLINE void Add(const KernelJob& job, const KeepClosest& search) {
+      job.hits[search.row] = search.found ? Hit{ToCallerT(search.best_key, search.exponent),
+                                                search.best_u, search.best_v, search.best_id}
+                                          : Hit{};
+    }
+    void Flush(const KernelJob&) {}
+  };
+};
+
+/// Counts a ray's triangles, or keeps the nearest ones of a list, with the key for t.
+struct KeepAll : RoundedSearch {
+  static constexpr bool found = false;  // the search never ends early
+  AllOfRay all;
+
+  void BeginRounded(const KernelJob& job, const LocalRay& local, std::size_t at) {
+    BeginRay(local, at);
+    all.Begin(job);
+  }
+  KDRAY_INLINE void Offer(const KernelJob& job, double s, double u, double v, PrimitiveId id) {
+    const double key = s + shift;
+    if (IsInInterval(key)) Take(job, {key, u, v, id});
+  }
+
+  struct Answers {
+    void Add(const KernelJob& job, KeepAll& search) {
+      if (job.counts == nullptr) {
+        search.all.nearest.KeepNearest(job.poll);
+        for (Hit& hit : search.all.nearest.hits()) hit.t = ToCallerT(hit.t, search.exponent);
+      }
+      search.all.Store(job, search.row);
+    }
+    void Flush(const KernelJob&) {}
+  };
+
+ private:
+  __attribute__((noinline)) void Take(const KernelJob& job, const Hit& hit) {
+    if (!all.Take(job, row, hit)) return;
+    const double key = all.nearest.KeepNearest(job.poll);
+    // As RoundedOrder::Limit, with the rounding of key - shift.
+    cull.exit = std::min(cull.exit,
+                         RoundedUp((key - shift) + (std::fabs(key) + std::fabs(shift)) * 0x1p-50));
+  }
+};
+
+}  // namespace kdray::core::KDRAY_ISA
+KDRAY_END_ISA();
