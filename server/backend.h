@@ -80,8 +80,8 @@ class Backend {
  public:
   virtual ~Backend() = default;
 
-  /// Starts an upload of `size` bytes: mesh_too_large, store_full or memory_full before the first
-  /// byte.
+  /// Starts an upload of at least `size` bytes: mesh_too_large, store_full or memory_full before
+  /// the first byte. The size of a compressed or chunked upload is not known before its end.
   virtual api::Outcome<std::unique_ptr<MeshUpload>> BeginUpload(std::uint64_t size) = 0;
   /// Another build of a stored mesh: mesh_not_found.
   virtual api::Outcome<MeshUpload::Stored> BuildStored(std::string_view sha256,

@@ -44,6 +44,7 @@ class Service final : public HttpHandler {
   /// After it, only open routes are answered; other requests get `draining`.
   void Drain() { draining_ = true; }
 
+  const api::Limits& limits() const { return options_.limits; }
   /// Bytes of request memory in use.
   std::uint64_t request_memory_used() const { return memory_.used(); }
 

@@ -26,14 +26,26 @@ Error NoMemoryForBuilds() {
 }  // namespace
 
 Result<MeshUpload> MeshIntake::BeginUpload(std::uint64_t bytes) {
-  if (parts_.store->limit() && bytes > *parts_.store->limit()) return TooLargeForStore(bytes);
-  if (Status status = parts_.budget->CheckCouldFit(LeastParseBytes(bytes)); !status.ok()) {
-    return std::move(status).error();
-  }
+  if (Status status = CheckCouldFit(bytes); !status.ok()) return std::move(status).error();
   if (!admitted_builds_.TryReserve(UsualParseBytes(bytes))) return NoMemoryForBuilds();
   Result<NewMesh> file = parts_.store->BeginMesh(bytes);
   if (!file.ok()) return std::move(file).error();
-  return MeshUpload(*std::move(file));
+  return MeshUpload(this, bytes, *std::move(file));
+}
+
+// An upload may have more bytes than were declared, if its size was not known.
+Status MeshUpload::Append(std::span<const std::byte> bytes) {
+  const std::uint64_t total = file_.bytes() + bytes.size();
+  if (total > checked_bytes_) {
+    if (Status status = intake_->CheckCouldFit(total); !status.ok()) return status;
+    checked_bytes_ = total;
+  }
+  return file_.Append(bytes);
+}
+
+Status MeshIntake::CheckCouldFit(std::uint64_t bytes) const {
+  if (parts_.store->limit() && bytes > *parts_.store->limit()) return TooLargeForStore(bytes);
+  return parts_.budget->CheckCouldFit(LeastParseBytes(bytes));
 }
 
 Error MeshIntake::TooLargeForStore(std::uint64_t bytes) const {

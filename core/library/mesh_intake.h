@@ -18,15 +18,22 @@
 
 namespace kdray::core {
 
+class MeshIntake;
+
 /// An unfinished upload; the destructor removes it. For one thread at a time. The library must
 /// outlive it.
 class MeshUpload {
  public:
-  Status Append(std::span<const std::byte> bytes) { return file_.Append(bytes); }
+  /// kMeshTooLarge if such a mesh exceeds a limit; kStoreFull; kIo.
+  Status Append(std::span<const std::byte> bytes);
 
  private:
   friend class MeshIntake;
-  explicit MeshUpload(NewMesh file) : file_(std::move(file)) {}
+  MeshUpload(const MeshIntake* intake, std::uint64_t checked_bytes, NewMesh file)
+      : intake_(intake), checked_bytes_(checked_bytes), file_(std::move(file)) {}
+
+  const MeshIntake* intake_;
+  std::uint64_t checked_bytes_;  ///< a mesh of this size exceeds no limit
   NewMesh file_;
 };
 
@@ -58,6 +65,8 @@ class MeshIntake {
   Status DropMesh(const Sha256Digest& mesh);
   Status DropUnrecordedMesh(const Sha256Digest& mesh);
   bool IsStored(const Sha256Digest& mesh, std::uint64_t bytes) const;
+  friend class MeshUpload;
+  Status CheckCouldFit(std::uint64_t bytes) const;
   Error TooLargeForStore(std::uint64_t bytes) const;
   std::uint64_t UsualParseBytes(std::uint64_t mesh_bytes) const;
   Result<MemoryCharge> Admit(const TreeId& id, std::uint64_t mesh_bytes);

@@ -65,7 +65,8 @@ class TreeLibrary {
   ~TreeLibrary();
 
   using Upload = MeshUpload;
-  /// `bytes` is the declared size. It reserves no memory, and no file is evicted for it.
+  /// `bytes` is the declared size, or less if it is not known. It reserves no memory, and no file is
+  /// evicted for it.
   /// kMeshTooLarge if such a mesh exceeds a limit; kMemoryFull if running builds leave no memory
   /// for it now; kStoreFull if the disk has no room.
   Result<Upload> BeginUpload(std::uint64_t bytes);

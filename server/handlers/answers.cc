@@ -1,6 +1,8 @@
 #include "server/handlers/answers.h"
 
 #include <algorithm>
+#include <array>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -17,6 +19,16 @@ using api::Problem;
 constexpr std::uint64_t kMemoryPerBodyByte = 3;
 constexpr std::size_t kBodyPieceBytes = std::size_t{64} << 10;
 
+Problem BodyTooLarge(std::uint64_t max_bytes, std::optional<std::uint64_t> declared) {
+  Problem problem{.code = ErrorCode::kBodyTooLarge,
+                  .detail = "the body has " +
+                            (declared ? std::to_string(*declared) : std::string("more")) +
+                            " bytes, at most " + std::to_string(max_bytes) + " are taken here",
+                  .limit = static_cast<double>(max_bytes)};
+  if (declared) problem.actual = static_cast<double>(*declared);
+  return problem;
+}
+
 std::string_view Trim(std::string_view text) {
   const auto first = text.find_first_not_of(" \t");
   if (first == std::string_view::npos) return {};
@@ -28,33 +40,37 @@ std::string_view Trim(std::string_view text) {
 api::Outcome<RequestBody> ReadWholeBody(const HandlerContext& context, const RoutedRequest& routed,
                                         std::uint64_t max_bytes) {
   HttpPeer& peer = *routed.http.peer;
-  const std::uint64_t size = peer.body_size();
-  if (size > max_bytes) {
-    return Problem{.code = ErrorCode::kBodyTooLarge,
-                   .detail = "the body has " + std::to_string(size) + " bytes, at most " +
-                             std::to_string(max_bytes) + " are taken here",
-                   .limit = static_cast<double>(max_bytes),
-                   .actual = static_cast<double>(size)};
+  const std::optional<std::uint64_t> declared = peer.body_size();
+  if (declared && *declared > max_bytes) return BodyTooLarge(max_bytes, declared);
+  if (auto problem = context.memory.Check(declared.value_or(0) * kMemoryPerBodyByte)) {
+    return *std::move(problem);
   }
-  if (auto problem = context.memory.Check(size * kMemoryPerBodyByte)) return *std::move(problem);
   RequestMemory::Body body(&context.memory, kMemoryPerBodyByte);
-  std::vector<std::byte> piece(std::min<std::uint64_t>(size, kBodyPieceBytes));
-  for (std::uint64_t taken = 0; taken < size;) {
+  std::vector<std::byte> piece(
+      std::min<std::uint64_t>(declared.value_or(max_bytes), kBodyPieceBytes));
+  for (std::uint64_t taken = 0;;) {
     const auto count = peer.ReadBody(piece);
     if (!count) return count.problem();
-    if (auto problem = body.Append(std::span(piece).first(*count))) return *std::move(problem);
+    if (*count == 0) return body.Finish();
     taken += *count;
+    if (taken > max_bytes) return BodyTooLarge(max_bytes, declared);
+    if (auto problem = body.Append(std::span(piece).first(*count))) return *std::move(problem);
   }
-  return body.Finish();
 }
 
 api::Check RefuseBody(const RoutedRequest& routed) {
-  const std::uint64_t size = routed.http.peer->body_size();
-  if (size == 0) return std::nullopt;
-  return Problem{.code = ErrorCode::kMalformedRequest,
-                 .detail = "this request takes no body",
-                 .limit = 0.0,
-                 .actual = static_cast<double>(size)};
+  HttpPeer& peer = *routed.http.peer;
+  if (peer.body_size() == 0) return std::nullopt;
+  if (!peer.body_size()) {  // only its first byte shows that a chunked body is not empty
+    std::array<std::byte, 1> first;
+    const auto count = peer.ReadBody(first);
+    if (!count) return count.problem();
+    if (*count == 0) return std::nullopt;
+  }
+  Problem problem{
+      .code = ErrorCode::kMalformedRequest, .detail = "this request takes no body", .limit = 0.0};
+  if (peer.body_size()) problem.actual = static_cast<double>(*peer.body_size());
+  return problem;
 }
 
 void SetCaching(HttpResponse& response, const HandlerContext& context, Caching caching) {

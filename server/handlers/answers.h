@@ -14,7 +14,8 @@ using RequestBody = RequestMemory::Body::Whole;
 
 /// body_too_large beyond `max_bytes`, memory_full, or the problem of the peer's ReadBody(). Charges
 /// several times the body as its bytes arrive, for the data made from it (rows, the answer). If
-/// there is no memory now for the declared length, the request fails before a byte is read.
+/// there is no memory now for a declared length, the request fails before a byte is read. A chunked
+/// body fails at its first byte beyond `max_bytes`.
 api::Outcome<RequestBody> ReadWholeBody(const HandlerContext& context, const RoutedRequest& routed,
                                         std::uint64_t max_bytes);
 

@@ -1,8 +1,8 @@
 #include "server/handlers/trees.h"
 
-#include <algorithm>
 #include <chrono>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -20,34 +20,38 @@ using api::Problem;
 
 constexpr std::size_t kUploadPieceBytes = 256 * 1024;
 
+Problem TooLarge(std::uint64_t size, std::uint64_t limit) {
+  return Problem{.code = ErrorCode::kMeshTooLarge,
+                 .detail = "the mesh has " + std::to_string(size) + " bytes or more, at most " +
+                           std::to_string(limit) + " are taken",
+                 .limit = static_cast<double>(limit),
+                 .actual = static_cast<double>(size)};
+}
+
 /// Streams the mesh from the connection to the store. Errors that do not depend on its bytes come
 /// before the first byte.
 api::Outcome<MeshUpload::Stored> StoreBody(const HandlerContext& context,
                                            const RoutedRequest& routed, api::Build build) {
   HttpPeer& peer = *routed.http.peer;
-  const std::uint64_t size = peer.body_size();
+  const std::optional<std::uint64_t> declared = peer.body_size();
   const std::uint64_t limit = context.limits.max_upload_bytes;
-  if (size > limit) {
-    return Problem{.code = ErrorCode::kMeshTooLarge,
-                   .detail = "the mesh has " + std::to_string(size) + " bytes, at most " +
-                             std::to_string(limit) + " are taken",
-                   .limit = static_cast<double>(limit),
-                   .actual = static_cast<double>(size)};
-  }
-  if (size == 0) return Problem{.code = ErrorCode::kEmptyMesh, .detail = "the body is empty"};
+  if (declared && *declared > limit) return TooLarge(*declared, limit);
+  const Problem empty{.code = ErrorCode::kEmptyMesh, .detail = "the body is empty"};
+  if (declared == 0) return empty;
 
-  auto upload = context.backend.BeginUpload(size);
+  auto upload = context.backend.BeginUpload(declared.value_or(0));
   if (!upload) return std::move(upload).problem();
-  std::vector<std::byte> piece(std::min<std::uint64_t>(size, kUploadPieceBytes));
-  for (std::uint64_t taken = 0; taken < size;) {
+  std::vector<std::byte> piece(kUploadPieceBytes);
+  for (std::uint64_t taken = 0;;) {
     const auto count = peer.ReadBody(piece);
     if (!count) return count.problem();
+    if (*count == 0) return taken == 0 ? empty : (*upload)->Finish(build);
+    taken += *count;
+    if (taken > limit) return TooLarge(taken, limit);
     if (auto problem = (*upload)->Append(std::span(piece).first(*count))) {
       return *std::move(problem);
     }
-    taken += *count;
   }
-  return (*upload)->Finish(build);
 }
 
 api::Outcome<MeshUpload::Stored> Store(const HandlerContext& context, const RoutedRequest& routed,

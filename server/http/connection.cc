@@ -16,6 +16,8 @@ using Clock = Connection::Clock;
 using std::chrono::milliseconds;
 
 constexpr std::size_t kReadBytes = 8 * 1024;
+/// Chunks are often small, so a chunked body is read in pieces of this size.
+constexpr std::size_t kChunkedReadBytes = 64 * 1024;
 constexpr std::size_t kGatherBytes = 16 * 1024;
 constexpr milliseconds kLingerTime{200};
 constexpr std::size_t kLingerBytes = 64 * 1024;
@@ -74,36 +76,87 @@ Connection::Read Connection::WaitForByte(Clock::time_point deadline) {
 Connection::Read Connection::ReadHead(Clock::time_point deadline, std::size_t max_bytes) {
   std::size_t looked = 0;
   for (;;) {
-    head_bytes_ = FindHeadEnd(in_, looked);
+    taken_ = head_bytes_ = FindHeadEnd(in_, looked);
     if (head_bytes_ != 0 && head_bytes_ <= max_bytes) return Read::kDone;
     looked = in_.size();
     if (looked >= max_bytes) {
-      head_bytes_ = std::min(looked, max_bytes);
+      taken_ = head_bytes_ = std::min(looked, max_bytes);
       return Read::kTooLarge;
     }
     if (const Read read = Fill(deadline); read != Read::kDone) {
-      head_bytes_ = in_.size();
+      taken_ = head_bytes_ = in_.size();
       return read;
     }
   }
 }
 
-void Connection::BeginBody(std::uint64_t bytes, const PaceLimit& pace) {
-  body_left_ = bytes;
+void Connection::BeginBody(std::optional<std::uint64_t> bytes, const PaceLimit& pace) {
+  body_left_ = bytes.value_or(0);
+  body_bytes_ = 0;
+  chunks_.reset();
+  if (!bytes) chunks_.emplace();
   read_pace_ = Pace(pace);
+}
+
+bool Connection::is_body_complete() const {
+  return chunks_ ? chunks_->next() == ChunkedFraming::Next::kEnd : body_left_ == 0;
 }
 
 Connection::Read Connection::ReadBody(std::span<std::byte> out, std::size_t* count) {
   *count = 0;
+  if (chunks_) return ReadChunked(out, count);
   const auto wanted = static_cast<std::size_t>(std::min<std::uint64_t>(out.size(), body_left_));
   if (wanted == 0) return Read::kDone;
+  const Read read = ReadData(out.first(wanted), count);
+  body_left_ -= *count;
+  return read;
+}
+
+// Fills `out` with what has been received, across chunks, because a chunk may have one byte.
+Connection::Read Connection::ReadChunked(std::span<std::byte> out, std::size_t* count) {
+  while (*count < out.size()) {
+    switch (chunks_->next()) {
+      case ChunkedFraming::Next::kEnd:
+        return Read::kDone;
+      case ChunkedFraming::Next::kInvalid:
+        return Read::kMalformed;
+      case ChunkedFraming::Next::kFraming:
+        break;
+      case ChunkedFraming::Next::kData: {
+        if (!has_buffered_input() && *count > 0) return Read::kDone;
+        const auto wanted = static_cast<std::size_t>(
+            std::min<std::uint64_t>(out.size() - *count, chunks_->data_left()));
+        // A large piece goes past the buffer.
+        if (!has_buffered_input() && wanted < kChunkedReadBytes) break;
+        std::size_t got = 0;
+        if (const Read read = ReadData(out.subspan(*count, wanted), &got); read != Read::kDone) {
+          return read;
+        }
+        chunks_->TakeData(got);
+        *count += got;
+        continue;
+      }
+    }
+    if (!has_buffered_input()) {
+      if (*count > 0) return Read::kDone;
+      if (const Read read = FillBody(); read != Read::kDone) return read;
+    }
+    if (chunks_->next() == ChunkedFraming::Next::kFraming) {
+      taken_ += chunks_->Take(std::string_view(in_).substr(taken_));
+    }
+  }
+  return Read::kDone;
+}
+
+// Reads data of the body, at least one byte.
+Connection::Read Connection::ReadData(std::span<std::byte> out, std::size_t* count) {
   if (has_buffered_input()) {
-    *count = std::min(wanted, in_.size() - head_bytes_);
-    std::copy_n(reinterpret_cast<const std::byte*>(in_.data()) + head_bytes_, *count, out.data());
-    in_.erase(head_bytes_, *count);
+    *count = std::min(out.size(), in_.size() - taken_);
+    std::copy_n(reinterpret_cast<const std::byte*>(in_.data()) + taken_, *count, out.data());
+    taken_ += *count;
   } else {
     for (;;) {
-      const ssize_t got = Receive(fd_, out.data(), wanted);
+      const ssize_t got = Receive(fd_, out.data(), out.size());
       if (got > 0) {
         *count = static_cast<std::size_t>(got);
         break;
@@ -112,9 +165,24 @@ Connection::Read Connection::ReadBody(std::span<std::byte> out, std::size_t* cou
       if (!read_pace_.Wait(fd_, POLLIN)) return Read::kTimeout;
     }
   }
+  // Only data earns time: framing without data must not keep a thread for ever.
   read_pace_.Moved(*count);
-  body_left_ -= *count;
+  body_bytes_ += *count;
   return Read::kDone;
+}
+
+// Reads bytes of a chunked body, framing included, in place of those that were taken.
+Connection::Read Connection::FillBody() {
+  taken_ = head_bytes_;
+  in_.resize(head_bytes_ + kChunkedReadBytes);
+  for (;;) {
+    const ssize_t got = Receive(fd_, in_.data() + head_bytes_, kChunkedReadBytes);
+    const bool waits = got < 0 && WouldBlock();
+    if (waits && read_pace_.Wait(fd_, POLLIN)) continue;
+    in_.resize(head_bytes_ + static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
+    if (got > 0) return Read::kDone;
+    return waits ? Read::kTimeout : Read::kClosed;
+  }
 }
 
 void Connection::BeginWrite(const PaceLimit& pace) {
@@ -175,8 +243,8 @@ bool Connection::HasLeft(std::string_view start, std::chrono::milliseconds patie
 }
 
 void Connection::EndRequest() {
-  in_.erase(0, head_bytes_);
-  head_bytes_ = 0;
+  in_.erase(0, taken_);
+  head_bytes_ = taken_ = 0;
 }
 
 void Connection::CloseGently() {

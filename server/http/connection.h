@@ -5,9 +5,12 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+
+#include "server/http/chunked_framing.h"
 
 namespace kdray::server {
 
@@ -45,7 +48,7 @@ class Connection {
 
   int fd() const { return fd_; }
 
-  enum class Read : std::uint8_t { kDone, kClosed, kTimeout, kTooLarge };
+  enum class Read : std::uint8_t { kDone, kClosed, kTimeout, kTooLarge, kMalformed };
   /// Waits for the next request's first byte.
   Read WaitForByte(Clock::time_point deadline);
   /// Reads the head of the next request, which head() then returns. kTooLarge beyond `max_bytes`.
@@ -53,13 +56,22 @@ class Connection {
   /// The part of the head that has been read.
   std::string_view head() const { return std::string_view(in_).substr(0, head_bytes_); }
 
-  /// Declares the body after the head. Call once per request.
-  void BeginBody(std::uint64_t bytes, const PaceLimit& pace);
-  /// Reads some bytes of the body; 0 bytes (with kDone) at its end.
+  /// Declares the body after the head: its length, or nullopt for a chunked body. Call once per
+  /// request.
+  void BeginBody(std::optional<std::uint64_t> bytes, const PaceLimit& pace);
+  /// Reads some bytes of the body; 0 bytes (with kDone) at its end. kMalformed: a chunked body's
+  /// framing is invalid, see body_problem().
   Read ReadBody(std::span<std::byte> out, std::size_t* count);
-  std::uint64_t body_left() const { return body_left_; }
-  /// Whether bytes after the head have been read.
-  bool has_buffered_input() const { return in_.size() > head_bytes_; }
+  /// Whether the whole body has been read, with the end of a chunked one.
+  bool is_body_complete() const;
+  /// The bytes of the body that have been read, without framing.
+  std::uint64_t body_bytes() const { return body_bytes_; }
+  /// For people; after kMalformed.
+  std::string_view body_problem() const {
+    return chunks_ ? chunks_->problem() : std::string_view();
+  }
+  /// Whether bytes after those of the last call have been received already.
+  bool has_buffered_input() const { return in_.size() > taken_; }
 
   void BeginWrite(const PaceLimit& pace);
   /// False if the client has gone or its time is used up; then further writes are dropped. Small
@@ -86,12 +98,17 @@ class Connection {
 
  private:
   Read Fill(Clock::time_point deadline);
+  Read FillBody();
+  Read ReadChunked(std::span<std::byte> out, std::size_t* count);
+  Read ReadData(std::span<std::byte> out, std::size_t* count);
   bool Send(std::string_view bytes, bool more);
 
   int fd_;
   std::string in_;  ///< the head, then further bytes
   std::size_t head_bytes_ = 0;
-  std::uint64_t body_left_ = 0;
+  std::size_t taken_ = 0;  ///< of in_, by the head and by ReadBody()
+  std::uint64_t body_left_ = 0, body_bytes_ = 0;
+  std::optional<ChunkedFraming> chunks_;  ///< of a chunked body
   Pace read_pace_{PaceLimit{}};
   Pace write_pace_{PaceLimit{}};
   std::string out_;

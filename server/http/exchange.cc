@@ -30,7 +30,7 @@ Exchange::Exchange(Connection& connection, DepartureWatch& watch, const PaceLimi
 }
 
 void Exchange::Accept(RequestHead head) {
-  body_size_ = head.content_length;
+  body_size_ = head.chunked ? std::nullopt : std::optional(head.content_length);
   expects_continue_ = head.expects_continue;
   keep_alive_ = head.keep_alive;
   SetRequest(std::move(head));
@@ -65,7 +65,7 @@ void Exchange::Answer(HttpHandler& handler) {
   // After an error the connection is not trusted any more; unread bytes of a body are not the next
   // request.
   response_.close = response_.close || response_.status >= 400 || !keep_alive_ ||
-                    refusal_.has_value() || connection_.body_left() > 0;
+                    refusal_.has_value() || !connection_.is_body_complete();
 }
 
 HttpRecord Exchange::Record(Clock::time_point start) const {
@@ -77,7 +77,7 @@ HttpRecord Exchange::Record(Clock::time_point start) const {
   record.error_code = response_.error_code;
   record.cause = response_.cause;
   record.status = response_.status;
-  record.bytes_in = body_size_ - connection_.body_left();
+  record.bytes_in = refusal_ ? 0 : connection_.body_bytes();
   record.bytes_out = connection_.written();
   record.ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
   record.complete = complete_;
@@ -87,7 +87,7 @@ HttpRecord Exchange::Record(Clock::time_point start) const {
 api::Outcome<std::size_t> Exchange::ReadBody(std::span<std::byte> out) {
   if (expects_continue_) {
     expects_continue_ = false;
-    if (!connection_.has_buffered_input() && connection_.body_left() > 0) {
+    if (!connection_.has_buffered_input() && !connection_.is_body_complete()) {
       connection_.Write("HTTP/1.1 100 Continue\r\n\r\n");
       connection_.Flush();
     }
@@ -99,6 +99,11 @@ api::Outcome<std::size_t> Exchange::ReadBody(std::span<std::byte> out) {
     case Connection::Read::kTimeout:
       return Problem{.code = ErrorCode::kRequestTimeout,
                      .detail = "the body came too slowly: " + Received()};
+    case Connection::Read::kMalformed:
+      return Problem{.code = ErrorCode::kMalformedRequest,
+                     .detail = "the chunked body is malformed after " +
+                               std::to_string(connection_.body_bytes()) +
+                               " bytes of data: " + std::string(connection_.body_problem())};
     default:
       gone_ = connection_.HasLeft(kAnswerStart, kResetWait);
       return Problem{.code = ErrorCode::kMalformedRequest,
@@ -113,8 +118,9 @@ std::shared_ptr<void> Exchange::CancelWhenGone(const core::CancelToken& token) {
 bool Exchange::Probe() { return connection_.SendAhead(kAnswerStart); }
 
 std::string Exchange::Received() const {
-  return std::to_string(body_size_ - connection_.body_left()) + " of " +
-         std::to_string(body_size_) + " bytes were received";
+  const std::string received = std::to_string(connection_.body_bytes());
+  if (!body_size_) return received + " bytes were received, without a last chunk";
+  return received + " of " + std::to_string(*body_size_) + " bytes were received";
 }
 
 void Exchange::SetRequest(RequestHead head) {

@@ -44,7 +44,7 @@ class Exchange final : public HttpPeer, private WatchedClient {
   HttpRecord Record(std::chrono::steady_clock::time_point start) const;
 
   // HttpPeer
-  std::uint64_t body_size() const override { return body_size_; }
+  std::optional<std::uint64_t> body_size() const override { return body_size_; }
   api::Outcome<std::size_t> ReadBody(std::span<std::byte> out) override;
   std::shared_ptr<void> CancelWhenGone(const core::CancelToken& token) override;
 
@@ -62,7 +62,7 @@ class Exchange final : public HttpPeer, private WatchedClient {
   HttpRequest request_;
   std::optional<api::Problem> refusal_;
   HttpResponse response_;
-  std::uint64_t body_size_ = 0;
+  std::optional<std::uint64_t> body_size_ = 0;
   std::atomic<bool> gone_{false};  ///< the client has left
   bool expects_continue_ = false, keep_alive_ = false, complete_ = false;
 };

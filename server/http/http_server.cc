@@ -356,10 +356,9 @@ class HttpServer::Impl final : public httplib::Server {
       case Connection::Read::kTooLarge:
         exchange.Refuse({{}, TooLarge(connection.head())});
         return true;
-      case Connection::Read::kClosed:
+      default:
         return false;
     }
-    return false;
   }
 
   Problem TooLarge(std::string_view head) const {

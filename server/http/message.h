@@ -45,11 +45,13 @@ class HttpPeer {
  public:
   virtual ~HttpPeer() = default;
 
-  /// Declared length of the request's body; 0 without a body.
-  virtual std::uint64_t body_size() const = 0;
+  /// Declared length of the request's body; 0 without a body, nullopt if only its end tells it
+  /// (chunked).
+  virtual std::optional<std::uint64_t> body_size() const = 0;
   /// Fills at most `out` with the next bytes of the body and returns their number; 0 at its end.
   /// The first call sends 100 Continue to a client that waits for it, so reject the request before.
-  /// request_timeout for a slow client, malformed_request if the body ends early.
+  /// request_timeout for a slow client, malformed_request if the body ends early or its chunks are
+  /// malformed.
   virtual api::Outcome<std::size_t> ReadBody(std::span<std::byte> out) = 0;
   /// Cancels `token` if the client leaves during the lifetime of the returned handle. A client that
   /// only closes its sending side has not left. One handle at a time.

@@ -23,12 +23,6 @@ bool IsToken(std::string_view text) {
 /// Printable ASCII without the space; fragments are never sent.
 bool IsTargetChar(char c) { return c > ' ' && c < '\x7f' && c != '#'; }
 
-/// RFC 9110, 5.5: visible characters, blanks and bytes above ASCII; no control characters.
-bool IsValueChar(char c) {
-  const auto byte = static_cast<unsigned char>(c);
-  return byte == '\t' || (byte >= ' ' && byte != 0x7f);
-}
-
 std::string_view Trim(std::string_view text) {
   const auto first = text.find_first_not_of(" \t");
   if (first == std::string_view::npos) return {};
@@ -150,7 +144,7 @@ class HeadParser {
       // Also rejects folded lines and blanks before the colon.
       if (!IsToken(name)) return Malformed("a header name is not a token");
       const std::string_view value = Trim(line->substr(colon + 1));
-      if (!std::all_of(value.begin(), value.end(), IsValueChar)) {
+      if (!std::all_of(value.begin(), value.end(), IsFieldValueChar)) {
         return Malformed("a header value has a control character");
       }
       head_.headers.Add(name, value);
@@ -169,11 +163,7 @@ class HeadParser {
 
   std::optional<Problem> CheckFraming() {
     const std::size_t lengths = head_.headers.Count("Content-Length");
-    if (head_.headers.Count("Transfer-Encoding") != 0) {
-      if (lengths != 0) return Malformed("Content-Length and Transfer-Encoding exclude each other");
-      return Problem{.code = ErrorCode::kLengthRequired,
-                     .detail = "chunked bodies are not accepted; send Content-Length"};
-    }
+    if (head_.headers.Count("Transfer-Encoding") != 0) return CheckTransferEncoding();
     if (lengths == 0) return std::nullopt;
     if (lengths > 1) return Malformed("there is more than one Content-Length header");
     const std::string_view digits = Value("Content-Length");
@@ -187,12 +177,30 @@ class HeadParser {
       head_.content_length =
           head_.content_length > (kMax - digit) / 10 ? kMax : head_.content_length * 10 + digit;
     }
-    const bool takes_body =
-        head_.method == "POST" || head_.method == "PUT" || head_.method == "PATCH";
-    if (head_.content_length > 0 && !takes_body) {
-      return Malformed("a " + head_.method + " request has no body here");
+    return head_.content_length > 0 ? CheckMethodTakesBody() : std::nullopt;
+  }
+
+  std::optional<Problem> CheckTransferEncoding() {
+    if (head_.headers.Count("Content-Length") != 0) {
+      return Malformed("Content-Length and Transfer-Encoding exclude each other");
     }
-    return std::nullopt;
+    // RFC 9112, 6.1: its length is uncertain, because HTTP/1.0 knows no transfer coding.
+    if (is_1_0_) return Malformed("a request of HTTP/1.0 has no Transfer-Encoding");
+    const std::string_view coding = Value("Transfer-Encoding");
+    if (head_.headers.Count("Transfer-Encoding") != 1 || !EqualsIgnoringCase(coding, "chunked")) {
+      return Problem{.code = ErrorCode::kLengthRequired,
+                     .detail = "Transfer-Encoding must be 'chunked' alone; or send Content-Length",
+                     .parameter = "Transfer-Encoding"};
+    }
+    head_.chunked = true;
+    return CheckMethodTakesBody();
+  }
+
+  std::optional<Problem> CheckMethodTakesBody() const {
+    if (head_.method == "POST" || head_.method == "PUT" || head_.method == "PATCH") {
+      return std::nullopt;
+    }
+    return Malformed("a " + head_.method + " request has no body here");
   }
 
   std::string_view rest_;
@@ -210,6 +218,18 @@ std::variant<RequestHead, RefusedHead> ParseRequestHead(std::string_view text,
     return RefusedHead{std::move(parser.head()), *std::move(problem)};
   }
   return std::move(parser.head());
+}
+
+bool IsFieldValueChar(char c) {
+  const auto byte = static_cast<unsigned char>(c);
+  return byte == '\t' || (byte >= ' ' && byte != 0x7f);
+}
+
+bool IsFieldLine(std::string_view line) {
+  const auto colon = line.find(':');
+  if (colon == std::string_view::npos || !IsToken(line.substr(0, colon))) return false;
+  const std::string_view value = line.substr(colon + 1);
+  return std::all_of(value.begin(), value.end(), IsFieldValueChar);
 }
 
 std::size_t FindHeadEnd(std::string_view text, std::size_t from) {

@@ -26,6 +26,7 @@ struct RequestHead {
                                      ///< target is reduced to it
   HttpHeaders headers;               ///< values without the blanks around them
   std::uint64_t content_length = 0;  ///< saturates
+  bool chunked = false;              ///< the body has a length that its end tells
   bool expects_continue = false;
   bool keep_alive = true;
 };
@@ -37,9 +38,15 @@ struct RefusedHead {
 };
 
 /// `text` ends with the blank line. Errors: malformed_request, uri_too_long, headers_too_large,
-/// length_required (any Transfer-Encoding). Only POST, PUT and PATCH may have bodies. O(bytes).
+/// length_required (a Transfer-Encoding other than `chunked`). Only POST, PUT and PATCH may have
+/// bodies. O(bytes).
 std::variant<RequestHead, RefusedHead> ParseRequestHead(std::string_view text,
                                                         const HeadLimits& limits);
+
+/// RFC 9110, 5.5: a character that header values may have. No control character except the tab.
+bool IsFieldValueChar(char c);
+/// Whether the line, without its CR LF, is a name, a colon and a value (RFC 9112, 5).
+bool IsFieldLine(std::string_view line);
 
 /// Number of bytes up to and including the blank line that ends a head in `text`; 0 if it is not
 /// complete. `from` is the size of `text` at the last call. A bare line feed ends lines too, so a

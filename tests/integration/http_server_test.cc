@@ -228,7 +228,7 @@ TEST_F(HttpServerTest, RefusesAndClosesWithoutTakingBodyBytesForARequest) {
        400},
       {"POST / HTTP/1.1\r\nHost: h\r\nContent-Length: 1\r\nContent-Length: 2\r\n\r\n", 400},
       {"POST / HTTP/1.1\r\nHost: h\r\nContent-Length: -1\r\n\r\n", 400},
-      {"POST / HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n", 411},
+      {"POST / HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: gzip, chunked\r\n\r\n0\r\n\r\n", 411},
       {"GET / HTTP/1.1\r\nHost: h\r\nContent-Length: 36\r\n\r\n", 400},
       {"GET / HTTP/1.1\nHost: h\n\n", 400},
       {"GET / HTTP/1.1\r\nHost: h\r\nX: y\n\r\n", 400},

@@ -75,17 +75,46 @@ TEST(RequestHead, RefusesLengthsThatTwoReadersCouldUnderstandDifferently) {
   EXPECT_EQ(Refusal(WithLines("Content-Length : 1\r\n")), ErrorCode::kMalformedRequest);
 }
 
-TEST(RequestHead, AsksForALengthInsteadOfAnyTransferEncoding) {
-  for (const char* value : {"chunked", "identity", "gzip, chunked", "xchunked", ""}) {
+TEST(RequestHead, TakesExactlyChunkedAsTransferEncoding) {
+  for (const char* value : {"chunked", "Chunked", " \tCHUNKED\t "}) {
+    const RequestHead head =
+        Accepted(WithLines("Transfer-Encoding:" + std::string(value) + "\r\n"));
+    EXPECT_TRUE(head.chunked) << value;
+    EXPECT_EQ(head.content_length, 0U);
+  }
+  EXPECT_FALSE(Accepted(WithLines("Content-Length: 5\r\n")).chunked);
+  for (const char* value :
+       {"identity", "gzip, chunked", "chunked, gzip", "chunked, chunked", "chunked,", ",chunked",
+        "xchunked", "chunkedx", "chunked;q=1", "\"chunked\"", "", "chun ked"}) {
     EXPECT_EQ(Refusal(WithLines("Transfer-Encoding: " + std::string(value) + "\r\n")),
               ErrorCode::kLengthRequired)
         << value;
   }
+  EXPECT_EQ(Refusal(WithLines("Transfer-Encoding: chunked\r\nTransfer-Encoding: chunked\r\n")),
+            ErrorCode::kLengthRequired);
+  EXPECT_EQ(Refusal(WithLines("Transfer-Encoding: gzip\r\nTransfer-Encoding: chunked\r\n")),
+            ErrorCode::kLengthRequired);
+}
+
+TEST(RequestHead, RefusesChunksWhereTheLengthIsUncertain) {
+  for (const char* lines :
+       {"Transfer-Encoding: chunked\r\nContent-Length: 0\r\n",
+        "Content-Length: 5\r\nTransfer-Encoding: chunked\r\n",
+        "Content-Length: 5\r\nTransfer-Encoding: xchunked\r\n", "Transfer-Encoding : chunked\r\n",
+        "Transfer-Encoding:\r\n chunked\r\n", "Transfer-Encoding: chunked\x0b\r\n",
+        "Transfer-Encoding\t: chunked\r\n"}) {
+    EXPECT_EQ(Refusal(WithLines(lines)), ErrorCode::kMalformedRequest) << lines;
+  }
+  EXPECT_EQ(Refusal("POST / HTTP/1.0\r\nTransfer-Encoding: chunked\r\n\r\n"),
+            ErrorCode::kMalformedRequest);
 }
 
 TEST(RequestHead, RefusesABodyWhereNoneBelongs) {
   for (const char* method : {"GET", "HEAD", "DELETE", "OPTIONS", "TRACE", "BREW"}) {
     EXPECT_EQ(Refusal(WithLines("Content-Length: 1\r\n", method)), ErrorCode::kMalformedRequest)
+        << method;
+    EXPECT_EQ(Refusal(WithLines("Transfer-Encoding: chunked\r\n", method)),
+              ErrorCode::kMalformedRequest)
         << method;
   }
 }
