@@ -21,8 +21,9 @@ constexpr std::array kTable = {
              "A query parameter or JSON field is unknown, repeated, or has a value that is not "
              "allowed. The detail says what is allowed."},
     ErrorRow{kMalformedRequest, 400, "The request is not valid HTTP",
-             "The request line, a header or a length is invalid, or the request has a body "
-             "that the path does not take."},
+             "The request line, a header or a length is invalid, the chunks or the gzip or zstd "
+             "stream of the body are damaged, or the request has a body that the path does not "
+             "take."},
     ErrorRow{kUnauthorized, 401, "A valid token is needed",
              "Send 'Authorization: Bearer TOKEN' with a token of this server."},
     ErrorRow{kTreeNotFound, 404, "No tree has this id",
@@ -63,7 +64,7 @@ constexpr std::array kTable = {
         kUnsupportedMediaType, 415, "The body's Content-Type is not accepted here",
         "Send application/json, application/x-npy, application/octet-stream, or no Content-Type."},
     ErrorRow{kUnsupportedEncoding, 415, "The body's Content-Encoding is not accepted here",
-             "Send the body without Content-Encoding."},
+             "Uploads may have Content-Encoding gzip or zstd, other bodies none."},
     ErrorRow{kInvalidMesh, 422, "The mesh file breaks the rules of its format",
              "The detail names the line or byte and the cause."},
     ErrorRow{kEmptyMesh, 422, "The mesh has no triangle",

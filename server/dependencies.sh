@@ -27,6 +27,7 @@ libspdlog-dev
 libssl-dev
 libstb-dev
 libtbb-dev
+libzstd-dev
 ninja-build
 nlohmann-json3-dev
 pkg-config
@@ -55,6 +56,7 @@ END
 libdeflate0
 libgmp10
 libtbb12
+libzstd1
 zlib1g
 END
       ;;

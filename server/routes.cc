@@ -21,7 +21,7 @@ constexpr std::array kContract = {
     Route{.path = "/docs", .get = GetDocs},
     Route{.path = "/problems/{code}", .get = GetProblemPage},
     Route{.path = "/v1", .get = GetCapabilities},
-    Route{.path = "/v1/trees", .get = ListTrees, .post = PostTree},
+    Route{.path = "/v1/trees", .get = ListTrees, .post = PostTree, .takes_codings = true},
     Route{.path = "/v1/trees/{id}", .get = GetTree, .del = DeleteTree},
     Route{.path = "/v1/trees/{id}/mesh", .get = GetMesh},
     Route{.path = "/v1/trees/{id}/rays/closest", .post = PostRaysClosest},

@@ -16,7 +16,8 @@ struct Route {
   Handler get = nullptr;  ///< also for HEAD
   Handler post = nullptr;
   Handler del = nullptr;
-  bool open = false;  ///< needs no token, and is answered during shutdown
+  bool open = false;           ///< needs no token, and is answered during shutdown
+  bool takes_codings = false;  ///< the body of POST may have a Content-Encoding
 };
 
 /// The paths of the contract, and of the viewer page.

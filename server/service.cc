@@ -7,6 +7,7 @@
 
 #include "api/answer_codec.h"
 #include "core/base/hex.h"
+#include "server/content_decoder.h"
 
 namespace kdray::server {
 namespace {
@@ -62,12 +63,20 @@ HttpResponse ProblemAnswer(const Problem& problem, const std::string& request_id
   return response;
 }
 
-/// Bodies are taken as they are; so far no coding is undone.
-api::Check CheckContentEncoding(const HttpRequest& request) {
+/// Only uploads have codings; their handler undoes them.
+api::Check CheckContentEncoding(const HttpRequest& request, const RouteMatch& match) {
   const auto coding = request.headers.Find("Content-Encoding");
-  if (!coding || coding->empty() || EqualsIgnoringCase(*coding, "identity")) return std::nullopt;
+  if (!coding) return std::nullopt;
+  const bool takes_codings = match.handler == match.route->post && match.route->takes_codings;
+  if (request.headers.Count("Content-Encoding") == 1) {
+    if (coding->empty() || EqualsIgnoringCase(*coding, "identity")) return std::nullopt;
+    if (takes_codings && ParseContentCoding(*coding)) return std::nullopt;
+  }
   return Problem{.code = ErrorCode::kUnsupportedEncoding,
-                 .detail = "the body must be sent without Content-Encoding",
+                 .detail = takes_codings
+                               ? "Content-Encoding must be one of gzip and zstd, or absent"
+                               : "this path takes no Content-Encoding; POST /v1/trees "
+                                 "takes gzip and zstd",
                  .parameter = "Content-Encoding"};
 }
 
@@ -122,7 +131,7 @@ api::Outcome<HttpResponse> Service::Answer(const HttpRequest& request, const Rou
   if (!open && draining_) {
     return Problem{.code = ErrorCode::kDraining, .detail = "this server is shutting down"};
   }
-  if (auto problem = CheckContentEncoding(request)) return *std::move(problem);
+  if (auto problem = CheckContentEncoding(request, match)) return *std::move(problem);
   RoutedRequest routed{.http = request, .path_parameter = match.path_parameter, .timing = {}};
   auto answer = match.handler(context_, routed);
   timing = routed.timing;

@@ -18,6 +18,7 @@ LIBRARIES = {
     "stb": r"stb/",
     "libdeflate": r"libdeflate",
     "zlib": r"zlib",
+    "libzstd": r"zstd",
     "nlohmann-json": r"nlohmann/",
     "cpp-httplib": r"httplib",
     "CLI11": r"CLI/",

@@ -11,6 +11,7 @@
 #include "api/answer_codec.h"
 #include "api/request_codec.h"
 #include "server/handlers/answers.h"
+#include "server/upload_body.h"
 
 namespace kdray::server {
 namespace {
@@ -20,12 +21,9 @@ using api::Problem;
 
 constexpr std::size_t kUploadPieceBytes = 256 * 1024;
 
-Problem TooLarge(std::uint64_t size, std::uint64_t limit) {
-  return Problem{.code = ErrorCode::kMeshTooLarge,
-                 .detail = "the mesh has " + std::to_string(size) + " bytes or more, at most " +
-                           std::to_string(limit) + " are taken",
-                 .limit = static_cast<double>(limit),
-                 .actual = static_cast<double>(size)};
+/// Service has refused the other codings.
+std::optional<ContentCoding> UploadCoding(const HttpRequest& request) {
+  return ParseContentCoding(request.headers.Find("Content-Encoding").value_or(std::string_view()));
 }
 
 /// Streams the mesh from the connection to the store. Errors that do not depend on its bytes come
@@ -33,21 +31,19 @@ Problem TooLarge(std::uint64_t size, std::uint64_t limit) {
 api::Outcome<MeshUpload::Stored> StoreBody(const HandlerContext& context,
                                            const RoutedRequest& routed, api::Build build) {
   HttpPeer& peer = *routed.http.peer;
-  const std::optional<std::uint64_t> declared = peer.body_size();
-  const std::uint64_t limit = context.limits.max_upload_bytes;
-  if (declared && *declared > limit) return TooLarge(*declared, limit);
   const Problem empty{.code = ErrorCode::kEmptyMesh, .detail = "the body is empty"};
-  if (declared == 0) return empty;
+  if (peer.body_size() == 0) return empty;
+  UploadBody body(&peer, &context.memory, UploadCoding(routed.http),
+                  context.limits.max_upload_bytes);
+  if (auto problem = body.CheckDeclared()) return *std::move(problem);
 
-  auto upload = context.backend.BeginUpload(declared.value_or(0));
+  auto upload = context.backend.BeginUpload(body.least_bytes());
   if (!upload) return std::move(upload).problem();
   std::vector<std::byte> piece(kUploadPieceBytes);
-  for (std::uint64_t taken = 0;;) {
-    const auto count = peer.ReadBody(piece);
+  for (bool is_empty = true;; is_empty = false) {
+    const auto count = body.Read(piece);
     if (!count) return count.problem();
-    if (*count == 0) return taken == 0 ? empty : (*upload)->Finish(build);
-    taken += *count;
-    if (taken > limit) return TooLarge(taken, limit);
+    if (*count == 0) return is_empty ? empty : (*upload)->Finish(build);
     if (auto problem = (*upload)->Append(std::span(piece).first(*count))) {
       return *std::move(problem);
     }

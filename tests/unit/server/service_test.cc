@@ -122,13 +122,44 @@ TEST_F(ServiceTest, NamesTheMethodsThatAPathTakes) {
   EXPECT_EQ(Code(response), "method_not_allowed");
 }
 
-TEST_F(ServiceTest, TakesNoEncodedBody) {
-  FakePeer peer("mesh");
-  const HttpResponse response = Ask("POST", "/v1/trees", peer, Header("Content-Encoding", "gzip"));
-  EXPECT_EQ(Code(response), "unsupported_encoding");
-  EXPECT_FALSE(peer.was_read());
+TEST_F(ServiceTest, TakesNoCodingThatItDoesNotKnow) {
+  for (const char* coding :
+       {"br", "deflate", "compress", "gzip, gzip", "gzip;q=1", "gz", "zstd,"}) {
+    FakePeer peer("mesh");
+    const HttpResponse response =
+        Ask("POST", "/v1/trees", peer, Header("Content-Encoding", coding));
+    EXPECT_EQ(Code(response), "unsupported_encoding") << coding;
+    EXPECT_THAT(std::string(response.body.text()), testing::HasSubstr("gzip and zstd"));
+    EXPECT_FALSE(peer.was_read());
+  }
+  HttpHeaders twice = Header("Content-Encoding", "identity");
+  twice.Add("Content-Encoding", "gzip");
+  EXPECT_EQ(Code(Ask("POST", "/v1/trees", twice)), "unsupported_encoding");
   FakePeer plain("mesh");
   EXPECT_EQ(Ask("POST", "/v1/trees", plain, Header("Content-Encoding", "identity")).status, 201);
+}
+
+TEST_F(ServiceTest, UndoesTheCodingOfUploadsAndOfNoOtherBody) {
+  // The bytes of `printf mesh | gzip -n`.
+  const std::string gzip(
+      "\x1f\x8b\x08\x00\x00\x00\x00\x00\x00\x03\xcb\x4d\x2d\xce\x00\x00\x56\x3a\x6f\xe1\x04\x00"
+      "\x00\x00",
+      24);
+  const std::string id = Upload("mesh");
+  for (const char* coding : {"gzip", "GZIP", "x-gzip"}) {
+    FakePeer peer(gzip);
+    const HttpResponse response =
+        Ask("POST", "/v1/trees", peer, Header("Content-Encoding", coding));
+    EXPECT_EQ(response.status, 200) << response.body.text();
+    EXPECT_EQ(json::parse(response.body.text()).at("id"), id);
+  }
+  for (const char* path : {"/rays/closest", "/rays/any", "/render.png", "/render.npy"}) {
+    FakePeer peer(gzip);
+    const HttpResponse response =
+        Ask("POST", "/v1/trees/" + id + path, peer, Header("Content-Encoding", "gzip"));
+    EXPECT_EQ(Code(response), "unsupported_encoding") << path;
+    EXPECT_FALSE(peer.was_read());
+  }
 }
 
 TEST_F(ServiceTest, RefusesAMeshThatIsTooLargeBeforeItReadsAByte) {
