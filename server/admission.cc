@@ -25,34 +25,41 @@ Problem StoppedWaiting(const core::CancelToken& cancel) {
 }  // namespace
 
 api::Outcome<Admission::Turn> Admission::Enter(const core::CancelToken& cancel) {
-  const auto start = Clock::now();
   std::unique_lock lock(mutex_);
-  if (running_ >= max_running_ || !queue_.empty()) {
-    if (queue_.size() >= max_queued_) {
-      return Problem{.code = ErrorCode::kOverloaded,
-                     .detail = "the server is at its limit of running and waiting requests",
-                     .limit = static_cast<double>(max_running_ + max_queued_)};
-    }
-    const auto place = queue_.emplace(queue_.end());
-    while (running_ >= max_running_ || place != queue_.begin()) {
-      if (cancel.ShouldStop()) {
-        queue_.erase(place);
-        changed_.notify_all();
-        return StoppedWaiting(cancel);
-      }
-      changed_.wait_until(lock, std::min(cancel.deadline(), Clock::now() + kLook));
-    }
-    queue_.erase(place);
-    changed_.notify_all();
+  // Nobody waits while a turn is free: Leave() passes it on.
+  if (running_ < max_running_) {
+    ++running_;
+    return Turn(this, 0);
   }
-  ++running_;
+  if (waiters_.size() >= max_queued_) {
+    return Problem{.code = ErrorCode::kOverloaded,
+                   .detail = "the server is at its limit of running and waiting requests",
+                   .limit = static_cast<double>(max_running_ + max_queued_)};
+  }
+  const auto start = Clock::now();
+  Waiter waiter;
+  const auto place = waiters_.insert(waiters_.end(), &waiter);
+  while (!waiter.has_turn) {
+    if (cancel.ShouldStop()) {
+      waiters_.erase(place);
+      return StoppedWaiting(cancel);
+    }
+    waiter.called.wait_until(lock, std::min(cancel.deadline(), Clock::now() + kLook));
+  }
   return Turn(this, std::chrono::duration<double, std::milli>(Clock::now() - start).count());
 }
 
 void Admission::Leave() {
   const std::lock_guard lock(mutex_);
-  --running_;
-  changed_.notify_all();
+  if (waiters_.empty()) {
+    --running_;
+    return;
+  }
+  Waiter* const next = waiters_.front();
+  waiters_.pop_front();
+  next->has_turn = true;
+  // Under the lock: the waiter is gone once it sees the turn.
+  next->called.notify_one();
 }
 
 std::size_t Admission::running() const {
@@ -62,7 +69,7 @@ std::size_t Admission::running() const {
 
 std::size_t Admission::queued() const {
   const std::lock_guard lock(mutex_);
-  return queue_.size();
+  return waiters_.size();
 }
 
 }  // namespace kdray::server

@@ -13,8 +13,8 @@
 
 namespace kdray::server {
 
-/// Turns for work that computes: queries, renders, cells. First come, first served. Safe from many
-/// threads at once.
+/// Turns for work that computes: queries, renders, cells. First come, first served: a turn that
+/// ends passes to the first waiter, and no other thread wakes. Safe from many threads at once.
 class Admission {
  public:
   /// At most `max_running` turns at the same time; at most `max_queued` requests wait for one.
@@ -49,13 +49,17 @@ class Admission {
   std::size_t queued() const;
 
  private:
+  struct Waiter {
+    std::condition_variable called;
+    bool has_turn = false;
+  };
+
   void Leave();
 
   const std::size_t max_running_, max_queued_;
   mutable std::mutex mutex_;
-  std::condition_variable changed_;
-  std::size_t running_ = 0;
-  std::list<char> queue_;  ///< one element per waiter, the first in line first
+  std::size_t running_ = 0;     ///< turns, those of waiters that were called included
+  std::list<Waiter*> waiters_;  ///< without a turn, the first in line first
 };
 
 }  // namespace kdray::server
