@@ -2,10 +2,12 @@
 
 #include <poll.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <climits>
+#include <utility>
 
 #include "server/http/request_head.h"
 
@@ -69,8 +71,25 @@ Connection::Read Connection::Fill(Clock::time_point deadline) {
   }
 }
 
-Connection::Read Connection::WaitForByte(Clock::time_point deadline) {
-  return in_.empty() ? Fill(deadline) : Read::kDone;
+// A blocking call: the byte is hardly ever there already, and each further system call would delay
+// the answer.
+Connection::Read Connection::WaitForByte(std::chrono::milliseconds patience) {
+  if (!in_.empty()) return Read::kDone;
+  if (std::exchange(patience_, patience) != patience) {
+    const auto seconds = std::chrono::floor<std::chrono::seconds>(patience);
+    const std::chrono::microseconds rest = patience - seconds;
+    const timeval limit{.tv_sec = static_cast<time_t>(seconds.count()),
+                        .tv_usec = static_cast<suseconds_t>(rest.count())};
+    setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof(limit));
+  }
+  in_.resize(kReadBytes);
+  ssize_t count = 0;
+  do {
+    count = recv(fd_, in_.data(), kReadBytes, 0);
+  } while (count < 0 && errno == EINTR);
+  in_.resize(static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
+  if (count > 0) return Read::kDone;
+  return count < 0 && WouldBlock() ? Read::kTimeout : Read::kClosed;
 }
 
 Connection::Read Connection::ReadHead(Clock::time_point deadline, std::size_t max_bytes) {

@@ -49,8 +49,8 @@ class Connection {
   int fd() const { return fd_; }
 
   enum class Read : std::uint8_t { kDone, kClosed, kTimeout, kTooLarge, kMalformed };
-  /// Waits for the next request's first byte.
-  Read WaitForByte(Clock::time_point deadline);
+  /// Waits for the next request's first byte, at most `patience`.
+  Read WaitForByte(std::chrono::milliseconds patience);
   /// Reads the head of the next request, which head() then returns. kTooLarge beyond `max_bytes`.
   Read ReadHead(Clock::time_point deadline, std::size_t max_bytes);
   /// The part of the head that has been read.
@@ -104,7 +104,8 @@ class Connection {
   bool Send(std::string_view bytes, bool more);
 
   int fd_;
-  std::string in_;  ///< the head, then further bytes
+  std::chrono::milliseconds patience_{0};  ///< of the socket's blocking calls
+  std::string in_;                         ///< the head, then further bytes
   std::size_t head_bytes_ = 0;
   std::size_t taken_ = 0;  ///< of in_, by the head and by ReadBody()
   std::uint64_t body_left_ = 0, body_bytes_ = 0;

@@ -9,14 +9,14 @@
 #include <cerrno>
 #include <climits>
 #include <system_error>
+#include <utility>
 
 namespace kdray::server {
 namespace {
 
 constexpr std::uint64_t kWakeId = 0;
-/// Doubles with every probe. A client that only half closes is probed a few times, and one that
-/// leaves later is detected within the time that it has waited.
-constexpr std::chrono::milliseconds kFirstInterval{250};
+/// The thread goes on waking for this long after the last watch: waking it costs a system call.
+constexpr int kIdleTicks = 50;
 
 int Control(int epoll_fd, int operation, int fd, std::uint64_t id, std::uint32_t events) {
   epoll_event event{};
@@ -43,33 +43,39 @@ DepartureWatch::~DepartureWatch() {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
   }
-  // Fails only if the counter is full, and then the thread is awake already.
-  [[maybe_unused]] const int failed = eventfd_write(wake_fd_, 1);
+  Wake();
   thread_.join();
   close(wake_fd_);
   close(epoll_fd_);
 }
 
+// Made before the lock is taken, because its destructor takes it.
+struct DepartureWatch::Registration {
+  ~Registration() {
+    if (id != kWakeId) watch->Forget(id);
+  }
+  DepartureWatch* watch;
+  std::uint64_t id = kWakeId;
+};
+
 std::shared_ptr<void> DepartureWatch::Watch(int fd, const core::CancelToken& token,
                                             WatchedClient& client) {
+  auto registration = std::make_shared<Registration>(Registration{this});
   const std::lock_guard lock(mutex_);
   if (cancelling_) {
     token.Cancel();
     return nullptr;
   }
   const std::uint64_t id = next_id_++;
-  const auto entry =
-      entries_.emplace(id, Entry{fd, token, &client, std::nullopt, kFirstInterval}).first;
-  if (Control(epoll_fd_, EPOLL_CTL_ADD, fd, id, EPOLLRDHUP) != 0) {
-    entries_.erase(entry);
-    return nullptr;
-  }
-  try {
-    return {nullptr, [this, id](void*) { Forget(id); }};
-  } catch (...) {
-    Remove(entry);
-    throw;
-  }
+  entries_.emplace(id, Entry{.fd = fd, .token = token, .client = &client});
+  registration->id = id;
+  if (std::exchange(ticks_left_, kIdleTicks) == 0) Wake();
+  return registration;
+}
+
+void DepartureWatch::Wake() const {
+  // Fails only if the counter is full, and then the thread is awake already.
+  [[maybe_unused]] const int failed = eventfd_write(wake_fd_, 1);
 }
 
 void DepartureWatch::CancelAll() {
@@ -87,16 +93,20 @@ void DepartureWatch::Forget(std::uint64_t id) {
 }
 
 DepartureWatch::Entries::iterator DepartureWatch::Remove(Entries::iterator entry) {
-  Control(epoll_fd_, EPOLL_CTL_DEL, entry->second.fd, entry->first, 0);
+  if (entry->second.stage == Stage::kListed) {
+    Control(epoll_fd_, EPOLL_CTL_DEL, entry->second.fd, entry->first, 0);
+  }
   return entries_.erase(entry);
 }
 
 void DepartureWatch::Run() {
   std::array<epoll_event, 64> events;
   std::optional<Clock::time_point> next_probe;
+  bool ticks = false;
+  auto next_tick = Clock::now();
   for (;;) {
-    int timeout_ms = -1;
-    if (next_probe) {
+    int timeout_ms = ticks ? static_cast<int>(kTick.count()) : -1;
+    if (!ticks && next_probe) {
       const auto left =
           std::chrono::ceil<std::chrono::milliseconds>(*next_probe - Clock::now()).count();
       timeout_ms = static_cast<int>(std::clamp<long long>(left, 0, INT_MAX));
@@ -107,9 +117,37 @@ void DepartureWatch::Run() {
     if (stopping_) return;
     for (int i = 0; i < count; ++i) {
       const epoll_event& event = events[static_cast<std::size_t>(i)];
-      if (event.data.u64 != kWakeId) Handle(event.data.u64, event.events);
+      if (event.data.u64 == kWakeId) {
+        eventfd_t wakes = 0;
+        [[maybe_unused]] const int failed = eventfd_read(wake_fd_, &wakes);
+      } else {
+        Handle(event.data.u64, event.events);
+      }
+    }
+    if (const auto now = Clock::now(); now >= next_tick) {
+      Tick();
+      next_tick = now + kTick;
     }
     next_probe = ProbeHalfClosed();
+    ticks = ticks_left_ > 0;
+  }
+}
+
+// Hands to the system what has been watched for a whole tick.
+void DepartureWatch::Tick() {
+  if (ticks_left_ > 0) --ticks_left_;
+  for (auto entry = entries_.begin(); entry != entries_.end();) {
+    const auto current = entry++;
+    Entry& watched = current->second;
+    if (watched.stage == Stage::kListed) continue;
+    ticks_left_ = kIdleTicks;
+    if (watched.stage == Stage::kNew) {
+      watched.stage = Stage::kOld;
+    } else if (Control(epoll_fd_, EPOLL_CTL_ADD, watched.fd, current->first, EPOLLRDHUP) == 0) {
+      watched.stage = Stage::kListed;
+    } else {
+      entries_.erase(current);
+    }
   }
 }
 

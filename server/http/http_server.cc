@@ -321,7 +321,7 @@ class HttpServer::Impl final : public httplib::Server {
                                .detail = "the server is at its limit of connections",
                                .limit = static_cast<double>(options_.max_connections)}});
     } else {
-      if (connection.WaitForByte(Clock::now() + wait) != Connection::Read::kDone ||
+      if (connection.WaitForByte(wait) != Connection::Read::kDone ||
           !slot.BecomeBusy() || !ReadHead(connection, exchange)) {
         return false;
       }
