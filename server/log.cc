@@ -4,10 +4,12 @@
 #include <spdlog/details/thread_pool.h>
 #include <spdlog/sinks/sink.h>
 
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <deque>
 #include <mutex>
+#include <thread>
 
 #include "core/base/hex.h"
 #include "server/http/time_text.h"
@@ -15,6 +17,9 @@
 
 namespace kdray::server {
 namespace {
+
+/// How long the thread sleeps after it has written all lines.
+constexpr std::chrono::milliseconds kGatherTime{3};
 
 /// Printable ASCII as it is, every other byte as \u00NN: a log must stay readable and one line
 /// whatever a client sends.
@@ -129,7 +134,10 @@ class Log::Impl {
     Sink(Impl& log_impl, int fd) : owner(log_impl), lines(fd) {}
     void log(const spdlog::details::log_msg& message) override {
       const std::string_view line(message.payload.data(), message.payload.size());
-      owner.Ended(message.level, line.size(), lines.Write(line));
+      const bool is_last = owner.Ended(message.level, line.size(), lines.Write(line));
+      // Further lines gather meanwhile. They would wake this thread one by one, which delays the
+      // requests that write them.
+      if (is_last) std::this_thread::sleep_for(kGatherTime);
     }
     void flush() override {}
     void set_pattern(const std::string&) override {}
@@ -139,7 +147,8 @@ class Log::Impl {
     LineSink lines;
   };
 
-  void Ended(spdlog::level::level_enum kind, std::size_t bytes, bool is_written) {
+  /// Whether no other line waits.
+  bool Ended(spdlog::level::level_enum kind, std::size_t bytes, bool is_written) {
     const std::lock_guard lock(mutex_);
     --lines_;
     bytes_ -= bytes;
@@ -149,6 +158,7 @@ class Log::Impl {
     } else if (!is_written) {
       Drop();
     }
+    return lines_ == 0;
   }
 
   // With mutex_ held:
