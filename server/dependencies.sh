@@ -46,6 +46,8 @@ libgtest-dev
 libpng-dev
 python3-jsonschema
 python3-numpy
+python3-requests
+zstd
 END
     run)
       case $(release) in
