@@ -20,7 +20,7 @@
 
 namespace kdray::core {
 
-enum class MeshFormat : std::uint8_t { kObj, kPly, kStl, kOff };
+enum class MeshFormat : std::uint8_t { kObj, kPly, kStl, kOff, kGlb, kGltf };
 constexpr std::string_view Name(MeshFormat format) {
   switch (format) {
     case MeshFormat::kObj:
@@ -31,6 +31,10 @@ constexpr std::string_view Name(MeshFormat format) {
       return "stl";
     case MeshFormat::kOff:
       return "off";
+    case MeshFormat::kGlb:
+      return "glb";
+    case MeshFormat::kGltf:
+      return "gltf";
   }
   return {};
 }

@@ -14,9 +14,7 @@ constexpr std::size_t kLookBytes = 64 << 10;
 constexpr std::size_t kShortestMesh = 20;  // bytes; a shorter text may have one line
 
 constexpr std::string_view kUnpack = "unpack it and send the file that is in it";
-constexpr std::string_view kExport = "export the mesh as OBJ, PLY, STL or OFF";
-constexpr std::string_view kNotYet =
-    "this version does not read it; export the mesh in another format";
+constexpr std::string_view kExport = "export the mesh as GLB, OBJ, PLY, STL or OFF";
 constexpr std::string_view kNoMesh = "send the mesh instead";
 
 struct Signature {
@@ -24,8 +22,7 @@ struct Signature {
   ForeignFile file;
 };
 
-constexpr std::array<Signature, 59> kSignatures = {{
-    {"glTF", {"a GLB file", kNotYet}},
+constexpr std::array<Signature, 58> kSignatures = {{
     {"\x1f\x8b", {"gzip data", kUnpack}},
     {"BZh", {"bzip2 data", kUnpack}},
     {"\xfd"
@@ -261,12 +258,7 @@ std::optional<ForeignFile> FindForeignFile(std::string_view bytes) {
   const std::string_view text = SkipByteOrderMark(head);
   if (const auto xml = FindXml(text)) return xml;
   if (const auto form = FindForm(text)) return form;
-  const std::string_view first = WithoutBlanks(text);
-  if (first.starts_with('{')) {
-    return ForeignFile{Contains(text, "\"asset\"") ? "a glTF file" : "JSON, perhaps a glTF file",
-                       kNotYet};
-  }
-  if (first.starts_with('[')) return ForeignFile{"JSON", kExport};
+  if (WithoutBlanks(text).starts_with('[')) return ForeignFile{"JSON", kExport};
   return FindCad(text);
 }
 

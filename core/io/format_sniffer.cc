@@ -5,7 +5,9 @@
 #include <span>
 #include <string>
 
+#include "core/base/enumerators.h"
 #include "core/io/foreign_files.h"
+#include "core/io/gltf_reader.h"
 #include "core/io/mesh_error.h"
 #include "core/io/obj_reader.h"
 #include "core/io/off_reader.h"
@@ -92,12 +94,19 @@ Error Unknown(std::string_view all, std::string_view text, CancelPoll* poll) {
 Error UnsupportedFormat(std::string_view what, std::string_view advice) {
   std::string message = "the bytes are " + std::string(what);
   if (!advice.empty()) message += "; " + std::string(advice);
-  return Error{ErrorCode::kUnsupportedMeshFormat, message + "; the formats are obj, ply, stl, off"};
+  message += "; the formats are ";
+  for (const MeshFormat format : kAll<MeshFormat>) {
+    if (format != kAll<MeshFormat>.front()) message += ", ";
+    message += Name(format);
+  }
+  return Error{ErrorCode::kUnsupportedMeshFormat, message};
 }
 
 Result<MeshFormat> FindFormat(std::string_view bytes, CancelPoll* poll) {
   // Checked first, because the header of a binary STL may look like any other format.
   if (HasBinaryStlSize(std::as_bytes(std::span(bytes)))) return MeshFormat::kStl;
+  if (IsGlb(bytes)) return MeshFormat::kGlb;
+  if (BeginsAsJsonObject(bytes)) return MeshFormat::kGltf;
   if (const std::optional<ForeignFile> foreign = FindForeignFile(bytes)) {
     return UnsupportedFormat(foreign->name, foreign->advice);
   }

@@ -6,6 +6,7 @@
 #include "core/base/cancel_poll.h"
 #include "core/io/foreign_files.h"
 #include "core/io/format_sniffer.h"
+#include "core/io/gltf_reader.h"
 #include "core/io/mesh_error.h"
 #include "core/io/obj_reader.h"
 #include "core/io/off_reader.h"
@@ -25,6 +26,9 @@ Result<MeshData> ReadAs(MeshFormat format, std::span<const std::byte> bytes,
       return ReadPly(bytes, options);
     case MeshFormat::kStl:
       return ReadStl(bytes, options);
+    case MeshFormat::kGlb:
+    case MeshFormat::kGltf:
+      return ReadGltf(bytes, options);
     case MeshFormat::kOff:
       break;
   }
@@ -56,7 +60,8 @@ Result<MeshData> ReadMesh(std::span<const std::byte> bytes, const MeshReadOption
   Result<MeshData> mesh = ReadAs(*format, bytes, options);
   // When the token stops a walk through a text, the reader sees a shorter text.
   if (options.cancel.ShouldStop()) return options.cancel.ToError();
-  if (!mesh.ok() && IsOfTheFile(mesh.error()) && HasLostItsLineBreaks(text, &poll)) {
+  const bool has_lines = *format != MeshFormat::kGlb && *format != MeshFormat::kGltf;
+  if (!mesh.ok() && has_lines && IsOfTheFile(mesh.error()) && HasLostItsLineBreaks(text, &poll)) {
     Error error = std::move(mesh).error();
     error.message += "; " + std::string(kLineBreaksAdvice);
     return error;

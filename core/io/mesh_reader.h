@@ -42,14 +42,15 @@ struct MeshReadOptions {
   }
 };
 
-/// Parses OBJ, PLY (ascii, both byte orders), STL (ascii, binary) or OFF (ascii), detected from the
-/// bytes alone. Polygons with n corners become n - 2 triangles in place: a convex one is fanned
+/// Parses OBJ, PLY (ascii, both byte orders), STL (ascii, binary), OFF (ascii), GLB or glTF (with
+/// embedded buffers), detected from the bytes alone. Polygons with n corners become n - 2 triangles in place: a convex one is fanned
 /// from its first corner, any other is triangulated by ear clipping (core/io/polygon.h). Faces with
 /// fewer than three corners are dropped and counted. Coordinates of text files are read as doubles;
 /// those that an ascii PLY file declares as floats are read as floats if all are printed floats.
 /// Errors: kUnsupportedMeshFormat (no format fits, or an unsupported variant; the message names the
 /// formats), kEmptyMesh, kInvalidMesh with Error::line (text, and the header of PLY) or Error::byte
-/// (binary) and the cause, kMeshTooLarge, kCancelled, kDeadlineExceeded. A coordinate that is not
+/// (binary, and the container and JSON of glTF) or a JSON pointer in the message (glTF), and the
+/// cause, kMeshTooLarge, kCancelled, kDeadlineExceeded. A coordinate that is not
 /// finite or beyond kMaxCoordinate is kInvalidMesh only in a vertex that a triangle uses.
 ///
 /// Every count in a file is a claim, reported to `on_counts` before memory is allocated for it.

@@ -18,7 +18,7 @@ Subcommand UploadCommand(Session& session) {
       .name = "upload",
       .help = "Send a mesh and wait until its tree is built; prints the tree's id",
       .options = {{.name = "file",
-                   .help = "Mesh: OBJ, PLY, STL, OFF",
+                   .help = "Mesh: OBJ, PLY, STL, OFF, GLB, glTF",
                    .value = &options->file,
                    .type = "FILE",
                    .required = true},

@@ -361,7 +361,7 @@ TEST(MeshAttributes, LeaveTheTrianglesAsTheyAreWithoutThem) {
   KDRAY_NEED_MESHES();
   for (const char* name : {"cow.obj", "spot_quads_uv.obj", "star_32gon.obj", "wallhole_crlf.obj",
                            "suzanne_quads_st.ply", "ply_tristrips.ply", "fandisk_quads.off",
-                           "two_solids_ascii.stl"}) {
+                           "two_solids_ascii.stl", "cubevc.glb", "mode5_strips.gltf"}) {
     SCOPED_TRACE(name);
     std::filesystem::path path = *test::MeshFolder() / name;
     if (!exists(path)) path = *test::MeshFolder() / "bad" / name;

@@ -17,6 +17,7 @@
 #include "tests/support/off_text.h"
 #include "tests/support/seed.h"
 #include "tests/support/shapes.h"
+#include "tests/unit/core/io/gltf_texts.h"
 
 namespace kdray::core {
 namespace {
@@ -139,6 +140,28 @@ std::string AsciiPly(const MeshData& data) {
   return file;
 }
 
+// One mesh with 32-bit indices, in a BIN chunk.
+std::string Glb(const MeshData& data) {
+  GltfParts parts;
+  parts.binary.clear();
+  for (const Vec3d& p : data.vertices) {
+    for (int axis = 0; axis < 3; ++axis) parts.binary += Raw(static_cast<float>(p[axis]));
+  }
+  const std::string positions = std::to_string(parts.binary.size());
+  for (const TriangleIndices& t : data.triangles) {
+    for (const std::uint32_t index : t) parts.binary += Raw(index);
+  }
+  const std::string corners = std::to_string(3 * data.triangles.size());
+  parts.accessors = R"([{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": )" +
+                    std::to_string(data.vertices.size()) +
+                    R"(}, {"bufferView": 1, "componentType": 5125, "type": "SCALAR", "count": )" +
+                    corners + "}]";
+  parts.views = R"([{"buffer": 0, "byteLength": )" + positions +
+                R"(}, {"buffer": 0, "byteOffset": )" + positions + R"(, "byteLength": )" +
+                std::to_string(12 * data.triangles.size()) + "}]";
+  return parts.Glb();
+}
+
 std::string OffText(const MeshData& data) {
   const std::vector<std::byte> bytes = test::OffBytes(data);
   return std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size());
@@ -163,6 +186,7 @@ std::vector<Case> Cases() {
       {"STL in text", AsciiStl("\n")},
       {"STL in text on few lines", AsciiStl(" ")},
       {"OFF, a sphere", OffText(sphere)},
+      {"GLB, a sphere", Glb(sphere)},
   };
   std::string off = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n";
   const std::size_t corners = kBytes / 2;
