@@ -33,8 +33,8 @@ std::pair<double, double> DepthRange(const RenderedImage& image) {
   return {near, far};
 }
 
-// Colour of one pixel in front of the background, in codes / 255, premultiplied: values that are
-// not light are blended without encoding.
+// Colour of one pixel in front of the background, premultiplied: in codes / 255, because values
+// that are not light are blended without encoding; for kAmbientOcclusion linear.
 class DataColors {
  public:
   explicit DataColors(const RenderedImage& image) : image_(image) {
@@ -62,6 +62,13 @@ class DataColors {
         if (id < 0) return {};
         const Rgb c = HashedColor(static_cast<PrimitiveId>(id));
         return {c.r, c.g, c.b, 1.0f};
+      }
+      case RenderMode::kAmbientOcclusion: {
+        const float share = (*image_.coverage)(x, y)[0];
+        // A miss counts as 1.
+        const float grey =
+            std::max(std::get<Film<float>>(image_.values)(x, y)[0] - (1.0f - share), 0.0f);
+        return {grey, grey, grey, share};
       }
       case RenderMode::kShaded:
         break;
@@ -99,10 +106,13 @@ Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cance
   picture.pixels.resize(region.pixel_count() * channels);
 
   const DataColors data_color(image);
-  const Rgba behind = background.transparent
-                          ? Rgba{}
-                          : Rgba{background.color.r, background.color.g, background.color.b, 1.0f};
-  const Rgb line = LineStyle{}.color;
+  const bool is_light = image.mode == RenderMode::kAmbientOcclusion;
+  const auto as_blended = [&](const Rgb& color) {
+    const Rgb c = is_light ? SrgbToLinear(color) : color;
+    return Rgba{c.r, c.g, c.b, 1.0f};
+  };
+  const Rgba behind = background.transparent ? Rgba{} : as_blended(background.color);
+  const Rgba line = as_blended(LineStyle{}.color);
 
   const auto row_bytes = static_cast<std::size_t>(picture.width) * channels;
   const auto write_row = [&](std::size_t row) {
@@ -117,9 +127,13 @@ Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cance
       }
       Rgba c = Over(data_color(x, y), behind);
       if (image.lines) {
-        c = Over(Rgba{line.r, line.g, line.b, 1.0f} * (*image.lines)(x, y)[0], c);
+        c = Over(line * (*image.lines)(x, y)[0], c);
       }
-      Write(c, ToUnorm8, pixel);
+      if (is_light) {
+        Write(c, LinearToSrgb8, pixel);
+      } else {
+        Write(c, ToUnorm8, pixel);
+      }
     }
   };
   std::atomic<bool> stopped{false};

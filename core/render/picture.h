@@ -24,6 +24,7 @@ struct Picture {
 ///   kDepth     grey, lighter when nearer: code 255 at the least depth of the mesh's bounds (0 when
 ///              the eye is among them), 32 at the greatest, linear between. The range is that of
 ///              the bounds, not of the pixels, so regions fit together.
+///   kAmbientOcclusion  grey, sRGB-encoded.
 ///   kTriangle  a colour by number (HashedColor).
 /// Pixels that miss show the background. Lines of cells are drawn over everything. A region's
 /// picture equals its part of the whole picture. O(pixels), in parallel within the caller's arena.

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/geometry/hit.h"
 #include "core/geometry/vec3.h"
 #include "core/render/film.h"
 
@@ -17,14 +18,17 @@ struct PixelSums {
   std::uint32_t samples = 0;
   std::uint32_t misses = 0;
   bool stopped = false;  ///< takes no more samples
-  float light = 0;       ///< kShaded: cosines of the samples that hit
-  Vec3d normal;          ///< kNormal: of the samples that hit
+  Vec3d sum;             ///< of the values of the samples that hit (core/render/shader.h)
   double luminance = 0;  ///< and its squares: only where noise is estimated
   double luminance2 = 0;
 
   void AddLuminance(double y) {
     luminance += y;
     luminance2 += y * y;
+  }
+  /// The share of the samples that hit.
+  float Coverage() const {
+    return static_cast<float>(samples - misses) / static_cast<float>(samples);
   }
   /// Standard error of the mean luminance, from the variance of the samples; infinite for one
   /// sample. Samples are stratified, so the true error is smaller.
@@ -41,6 +45,7 @@ struct TileSums {
   Tile tile;
   std::vector<PixelSums> pixels;    ///< row by row
   std::vector<float> line_opacity;  ///< where lines are drawn; made with the first samples
+  std::vector<Hit> line_hits;       ///< while they are traced: of each pixel in turn
 
   bool is_finished() const {
     for (const PixelSums& pixel : pixels) {

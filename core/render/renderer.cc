@@ -14,14 +14,12 @@
 
 #include "core/base/parallel.h"
 #include "core/render/cell_lines.h"
+#include "core/render/sampled_tiles.h"
 #include "core/render/tile_renderer.h"
+#include "core/render/tile_scratch.h"
 
 namespace kdray::core {
 namespace {
-
-// Rays of one batch: enough for kernels that trace coherent rays together, few enough to stay in
-// the second-level cache with their hits.
-constexpr int kRaysPerTile = 4096;
 
 // Samples that are added to a pixel that is still noisy.
 constexpr int kAdaptiveStep = 16;
@@ -58,11 +56,33 @@ Status CheckRegion(const RenderSpec& spec) {
   return {};
 }
 
+Status CheckLights(const RenderSpec& spec) {
+  if (spec.ao_radius && !(*spec.ao_radius > 0 && std::isfinite(*spec.ao_radius))) {
+    return Invalid("ao_radius", "must be greater than 0");
+  }
+  if (!spec.lights) return {};
+  if (spec.lights->size() > RenderSpec::kMaxLights) {
+    return Invalid("lights", "must be at most " + std::to_string(RenderSpec::kMaxLights) +
+                                 ", not " + std::to_string(spec.lights->size()));
+  }
+  for (const Light& light : *spec.lights) {
+    if (!IsFinite(light.vector) ||
+        (light.kind == LightKind::kDirectional && light.vector == Vec3d{})) {
+      return Invalid("lights", "a direction must not be 0, and every number finite");
+    }
+    if (!(light.intensity >= 0 && std::isfinite(light.intensity))) {
+      return Invalid("lights", "an intensity must be at least 0");
+    }
+    if (!InUnitRange(light.color)) return Invalid("lights", "each part of a color must be 0 to 1");
+  }
+  return {};
+}
+
 Status Check(const RenderSpec& spec) {
   for (const auto& [name, value, max] :
        {std::tuple("width", spec.width, RenderSpec::kMaxWholeSide),
         std::tuple("height", spec.height, RenderSpec::kMaxWholeSide),
-        std::tuple("samples", spec.samples, RenderSpec::kMaxSamples),
+        std::tuple("samples", spec.samples.value_or(1), RenderSpec::kMaxSamples),
         std::tuple("max_samples", spec.max_samples, RenderSpec::kMaxSamples)}) {
     if (Status status = CheckRange(name, value, max); !status.ok()) return status;
   }
@@ -74,6 +94,7 @@ Status Check(const RenderSpec& spec) {
   if (spec.background && !InUnitRange(spec.background->color)) {
     return Invalid("background", "each part must be 0 to 1");
   }
+  if (Status status = CheckLights(spec); !status.ok()) return status;
   return CheckRegion(spec);
 }
 
@@ -86,6 +107,10 @@ Status MakeFilms(const Region& region, bool with_lines, const CancelToken& cance
       break;
     case RenderMode::kNormal:
       image->values = Film<float>(region, 3, &poll);
+      image->coverage = Film<float>(region, 1, &poll);
+      break;
+    case RenderMode::kAmbientOcclusion:
+      image->values = Film<float>(region, 1, &poll);
       image->coverage = Film<float>(region, 1, &poll);
       break;
     case RenderMode::kDepth:
@@ -122,29 +147,37 @@ bool HasOneSample(RenderMode mode) {
   return mode == RenderMode::kDepth || mode == RenderMode::kTriangle;
 }
 
+/// Whether the pixels take 1 or kSmoothSamples, by the colours around them.
+bool IsSmoothed(const RenderSpec& spec) {
+  return !spec.samples && !spec.max_noise && !spec.budget && !HasOneSample(spec.mode) &&
+         spec.mode != RenderMode::kAmbientOcclusion;
+}
+
 SamplingRule RuleOf(const RenderSpec& spec) {
   if (HasOneSample(spec.mode)) return {.centre = true};
   if (!spec.max_noise && !spec.budget) {
-    return {.limit = spec.samples, .centre = spec.samples == 1};
+    return {.limit = spec.samples.value_or(kSmoothSamples), .centre = spec.samples == 1};
   }
   return {.limit = spec.max_samples, .max_noise = spec.max_noise.value_or(0), .estimates = true};
 }
 
-/// Side of a square tile of at most kRaysPerTile rays, or 1.
+/// Side of a tile whose pixels take that many samples at first: some kRaysPerBatch rays, in whole
+/// blocks of 8 x 8 pixels (core/render/pixel_order.h).
 int TileSide(int samples_at_once) {
-  return std::max(1,
-                  static_cast<int>(std::sqrt(static_cast<double>(kRaysPerTile) / samples_at_once)));
+  const int side =
+      static_cast<int>(std::sqrt(static_cast<double>(kRaysPerBatch) / samples_at_once));
+  return std::max(8, side / 8 * 8);
 }
 
 // Results of the tiles. The sums do not depend on the order of the tiles.
 struct Reached {
-  std::uint64_t samples = 0;
+  std::uint32_t samples = 0;  // of a pixel, at most
   double noise = 0;
   bool all_below = true;  // max_noise
 
   void Add(const TileSums& sums, const SamplingRule& rule) {
     for (const PixelSums& pixel : sums.pixels) {
-      samples += pixel.samples;
+      samples = std::max(samples, pixel.samples);
       if (!rule.estimates) continue;
       const double pixel_noise = pixel.Noise();
       noise = std::max(noise, pixel_noise);
@@ -152,7 +185,7 @@ struct Reached {
     }
   }
   void Add(const Reached& other) {
-    samples += other.samples;
+    samples = std::max(samples, other.samples);
     noise = std::max(noise, other.noise);
     all_below = all_below && other.all_below;
   }
@@ -162,14 +195,29 @@ struct Reached {
 // by themselves.
 class ImageRenderer {
  public:
-  ImageRenderer(const RenderSpec& spec, const SamplingRule& rule, const TileRenderer& renderer,
+  ImageRenderer(const RenderSpec& spec, const SamplingRule& rule, const SampledTiles& renderer,
                 const CancelToken& cancel, Progress* progress)
       : spec_(spec), rule_(rule), renderer_(renderer), cancel_(cancel), progress_(progress) {}
 
-  Status RenderCentres(const Region& region) const {
+  Status RenderCentres(const TileRenderer& renderer, const Region& region) const {
     const TileGrid tiles(region, TileSide(1));
     return ForEachTile(tiles.size(),
-                       [&](std::size_t i) { return renderer_.RenderCentres(tiles[i]); });
+                       [&](std::size_t i) { return renderer.RenderCentres(tiles[i]); });
+  }
+
+  // Tile by tile, by the default rule.
+  Status RenderSmooth(const Region& region, RenderedImage* image) const {
+    const TileGrid tiles(region, kSmoothTileSide);
+    SharedReached reached;
+    Status status = ForEachTile(tiles.size(), [&](std::size_t i) -> Status {
+      TileSums sums = SampledTiles::Begin(tiles[i]);
+      if (Status smooth = renderer_.RenderSmooth(&sums); !smooth.ok()) return smooth;
+      renderer_.Write(sums);
+      reached.Add(sums, rule_);
+      return {};
+    });
+    if (status.ok()) Report(reached.all, image);
+    return status;
   }
 
   // Tile by tile, each until its pixels have enough samples.
@@ -178,7 +226,7 @@ class ImageRenderer {
     const TileGrid tiles(region, TileSide(first));
     SharedReached reached;
     Status status = ForEachTile(tiles.size(), [&](std::size_t i) -> Status {
-      TileSums sums = TileRenderer::Begin(tiles[i]);
+      TileSums sums = SampledTiles::Begin(tiles[i]);
       int target = first;
       do {
         if (cancel_.ShouldStop()) return cancel_.ToError();
@@ -202,7 +250,7 @@ class ImageRenderer {
     CancelPoll poll(cancel_);
     for (std::size_t i = 0; i < tiles.size(); ++i) {
       if (poll.Spend(kSumsWork * tiles[i].pixel_count())) return poll.ToError();
-      sums.push_back(TileRenderer::Begin(tiles[i]));
+      sums.push_back(SampledTiles::Begin(tiles[i]));
     }
     std::atomic<bool> is_over{false};
     // Lines use the depths of the first samples; one sample would be too coarse.
@@ -274,15 +322,14 @@ class ImageRenderer {
   }
 
   void Report(const Reached& all, RenderedImage* image) const {
-    image->samples =
-        static_cast<double>(all.samples) / static_cast<double>(image->region().pixel_count());
+    image->samples = static_cast<int>(all.samples);
     if (std::isfinite(all.noise) && rule_.estimates) image->noise = all.noise;
     if (spec_.max_noise && all.all_below) image->stopped = Stopped::kNoise;
   }
 
   const RenderSpec& spec_;
   const SamplingRule& rule_;
-  const TileRenderer& renderer_;
+  const SampledTiles& renderer_;
   const CancelToken& cancel_;
   Progress* const progress_;
 };
@@ -299,8 +346,9 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
   image.mode = spec.mode;
   image.camera = *std::move(camera);
   image.bounds = scene.mesh->bounds();
-  const Background default_background = {.color = spec.mode == RenderMode::kShaded ? Rgb{1, 1, 1}
-                                                                                   : Rgb{0, 0, 0}};
+  const bool shows_light =
+      spec.mode == RenderMode::kShaded || spec.mode == RenderMode::kAmbientOcclusion;
+  const Background default_background = {.color = shows_light ? Rgb{1, 1, 1} : Rgb{0, 0, 0}};
   image.background = spec.background.value_or(default_background);
   const Region region = RegionOf(spec);
   if (Status films = MakeFilms(region, spec.cells_depth.has_value(), cancel, &image); !films.ok()) {
@@ -308,7 +356,9 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
   }
 
   const SamplingRule rule = RuleOf(spec);
-  TileRenderer renderer(scene, spec, rule, cancel, &image);
+  const TraceOptions trace_options = {.precision = spec.precision, .cancel = cancel};
+  ScratchPool pool;
+  TileRenderer renderer(scene, trace_options, &pool, &image);
   if (spec.cells_depth) {
     Result<std::vector<TreeCell>> cells = scene.Cells(*spec.cells_depth, spec.max_cells, cancel);
     if (!cells.ok()) {
@@ -320,10 +370,13 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
     if (cancel.ShouldStop()) return cancel.ToError();
   }
 
-  const ImageRenderer image_renderer(spec, rule, renderer, cancel, progress);
+  const SampledTiles sampled(scene, spec, rule, trace_options, renderer, &pool, &image);
+  const ImageRenderer image_renderer(spec, rule, sampled, cancel, progress);
   Status status;
   if (HasOneSample(spec.mode)) {
-    status = image_renderer.RenderCentres(region);
+    status = image_renderer.RenderCentres(renderer, region);
+  } else if (IsSmoothed(spec)) {
+    status = image_renderer.RenderSmooth(region, &image);
   } else if (spec.budget) {
     status = image_renderer.RenderWithin(std::chrono::steady_clock::now() + *spec.budget, region,
                                          spec.cells_depth.has_value(), &image);
@@ -332,6 +385,7 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
   }
   if (!status.ok()) return std::move(status).error();
   if (progress != nullptr) progress->Finish();
+  image.counts = pool.Counts();
   return image;
 }
 

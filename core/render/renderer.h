@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <optional>
 #include <variant>
+#include <vector>
 
 #include "core/base/cancel.h"
 #include "core/base/progress.h"
@@ -17,15 +18,19 @@
 #include "core/render/color.h"
 #include "core/render/film.h"
 #include "core/render/framing.h"
+#include "core/render/light.h"
+#include "core/render/render_counts.h"
 #include "core/scene/scene.h"
 
 namespace kdray::core {
 
 enum class RenderMode : std::uint8_t {
-  kShaded,    ///< Lambert under a headlight at the eye, two-sided
-  kNormal,    ///< unit normals of the triangles, world axes, by the order of their corners
-  kDepth,     ///< distance along the view axis, world units
-  kTriangle,  ///< number of the triangle
+  kShaded,            ///< Lambert under the lights, two-sided
+  kNormal,            ///< unit normals of the triangles, world axes, by the order of their corners
+  kDepth,             ///< distance along the view axis, world units
+  kTriangle,          ///< number of the triangle
+  kAmbientOcclusion,  ///< the share of the surroundings that nothing near hides, weighted by the
+                      ///< cosine to the normal on the viewer's side
 };
 
 /// The background of the mesh.
@@ -38,14 +43,28 @@ struct RenderSpec {
   static constexpr int kMaxWholeSide = 1 << 20;  ///< of the image that the camera sees
   static constexpr int kMaxSide = 16384;         ///< of the rendered region
   static constexpr int kMaxSamples = 65536;
+  static constexpr std::size_t kMaxLights = 64;
   int width = 640, height = 480;  ///< pixels of the whole image, each 1..kMaxWholeSide
   CameraSpec camera = {};
   RenderMode mode = RenderMode::kShaded;
-  int samples = 1;  ///< per pixel, 1..kMaxSamples; 1 is the pixel's centre. kDepth and kTriangle
-                    ///< always take one
+  /// Per pixel, 1..kMaxSamples; 1 is the pixel's centre. kDepth and kTriangle always take one.
+  /// nullopt: as many as smooth silhouettes need, which is kSmoothSamples or, where the colours
+  /// around the pixel hardly differ, 1. That depends only on the centre samples of the pixel and of
+  /// its 8 neighbours in the whole image. kAmbientOcclusion then takes kSmoothSamples everywhere.
+  std::optional<int> samples = 1;
   Precision precision = Precision::kWatertight;
   Rgb color = {0.93f, 0.88f, 0.81f};                    ///< of the mesh, sRGB, each 0..1
   std::optional<Background> background = std::nullopt;  ///< left out: white for kShaded, else black
+
+  /// kShaded: at most kMaxLights. Empty: everything is black. nullopt: a headlight, which is a
+  /// light of intensity 1 at the eye that does not fall off; every surface that is seen faces it.
+  std::optional<std::vector<Light>> lights = std::nullopt;
+  /// kShaded: surfaces hide lights from each other; the headlight is hidden from none that is seen.
+  bool shadows = false;
+  /// kAmbientOcclusion: surfaces farther than this do not count, world units, > 0; nullopt:
+  /// DefaultAoRadius.
+  std::optional<double> ao_radius = std::nullopt;
+
   std::optional<std::uint32_t> cells_depth =
       std::nullopt;               ///< draw the tree's nodes at this depth and the leaves above it
                                   ///< as lines; at most max_cells of them
@@ -54,11 +73,11 @@ struct RenderSpec {
                                                 ///< it. At most kMaxSide a side
   std::uint64_t seed = 0;                       ///< of the sample positions
 
-  // With one of these, pixels of kShaded and kNormal stop by themselves, after at most max_samples,
-  // and `samples` is ignored.
+  // With one of these, pixels of kShaded, kNormal and kAmbientOcclusion stop by themselves, after
+  // at most max_samples, and `samples` is ignored.
 
   /// A pixel stops when the standard error of its mean luminance falls below this, > 0, and it has
-  /// kMinAdaptiveSamples. Of linear light for kShaded, of (n + 1) / 2 for kNormal.
+  /// kMinAdaptiveSamples. Of linear light, except for kNormal: of (n + 1) / 2.
   std::optional<double> max_noise = std::nullopt;
   /// Time for tracing, > 0: all pixels are refined together until it has passed. The first samples
   /// are always taken.
@@ -68,6 +87,9 @@ struct RenderSpec {
 
 /// With fewer samples the estimate of their error is unreliable.
 inline constexpr int kMinAdaptiveSamples = 16;
+
+/// Where one sample would show steps (RenderSpec::samples).
+inline constexpr int kSmoothSamples = 16;
 
 /// What ended the sampling.
 enum class Stopped : std::uint8_t {
@@ -87,17 +109,20 @@ struct RenderedImage {
   /// (less than 1 only with a transparent background). Includes lines of cells. kNormal: float, 3
   /// channels: mean over the samples of x, y, z, where a miss counts as 0 0 0. kDepth: float, 1
   /// channel: infinity for a miss; a hit beyond the range of float has the largest float.
-  /// kTriangle: int32, 1 channel: -1 for a miss.
+  /// kTriangle: int32, 1 channel: -1 for a miss. kAmbientOcclusion: float, 1 channel: the mean over
+  /// the samples, 0 where all is hidden; a miss counts as 1.
   std::variant<Film<float>, Film<std::int32_t>> values;
 
-  std::optional<Film<float>> coverage;  ///< kNormal: share of the samples that hit
+  std::optional<Film<float>>
+      coverage;                      ///< kNormal, kAmbientOcclusion: share of the samples that hit
   std::optional<Film<float>> lines;  ///< if cells are drawn and the mode is not kShaded: opacity of
                                      ///< the lines, for pictures; `values` has no lines
 
-  double samples = 1;           ///< per pixel, on average
+  int samples = 1;              ///< the largest number that a pixel took
   std::optional<double> noise;  ///< largest standard error of a pixel (RenderSpec::max_noise); only
                                 ///< with max_noise or budget, and at least two samples
   Stopped stopped = Stopped::kDone;
+  RenderCounts counts;
 
   const Region& region() const {
     return std::visit([](const auto& film) -> const Region& { return film.region(); }, values);

@@ -3,7 +3,7 @@
 namespace kdray::core {
 namespace {
 
-std::uint32_t ReverseBits(std::uint32_t word) {
+constexpr std::uint32_t ReverseBits(std::uint32_t word) {
   word = (word & 0x55555555u) << 1 | (word >> 1 & 0x55555555u);
   word = (word & 0x33333333u) << 2 | (word >> 2 & 0x33333333u);
   word = (word & 0x0f0f0f0fu) << 4 | (word >> 4 & 0x0f0f0f0fu);
@@ -12,7 +12,7 @@ std::uint32_t ReverseBits(std::uint32_t word) {
 
 // Owen scrambling of a number with reversed bits: after multiplying by even constants, a bit
 // depends only on lower bits, which the reversal makes the more significant ones.
-std::uint32_t ScrambleReversed(std::uint32_t word, std::uint32_t seed) {
+constexpr std::uint32_t ScrambleReversed(std::uint32_t word, std::uint32_t seed) {
   word += seed;
   word ^= word * 0x6c50b47cu;
   word ^= word * 0xb82f1e52u;
@@ -22,7 +22,7 @@ std::uint32_t ScrambleReversed(std::uint32_t word, std::uint32_t seed) {
 }
 
 // Second dimension of Sobol's sequence: direction numbers of the polynomial x + 1.
-std::uint32_t SobolSecond(std::uint32_t index) {
+constexpr std::uint32_t SobolSecond(std::uint32_t index) {
   std::uint32_t result = 0;
   for (std::uint32_t direction = 1u << 31; index != 0; index >>= 1, direction ^= direction >> 1) {
     if ((index & 1u) != 0) result ^= direction;
@@ -30,23 +30,49 @@ std::uint32_t SobolSecond(std::uint32_t index) {
   return result;
 }
 
-double ToUnitInterval(std::uint32_t word) { return static_cast<double>(word) * 0x1p-32; }
+// The common sequence. Its two seeds are arbitrary.
+constexpr SampleWords ScrambledSobol(std::uint32_t index) {
+  // The first dimension is the index's reversed bits, so reversing it again gives the index.
+  return {ReverseBits(ScrambleReversed(index, 0x3c6ef372u)),
+          ReverseBits(ScrambleReversed(ReverseBits(SobolSecond(index)), 0xa54ff53au))};
+}
+
+template <std::size_t kCount>
+constexpr std::array<SampleWords, kCount> FirstPoints() {
+  std::array<SampleWords, kCount> points{};
+  for (std::uint32_t i = 0; i < kCount; ++i) points[i] = ScrambledSobol(i);
+  return points;
+}
+
+constexpr SampleWords ToWords(std::uint64_t bits) {
+  return {static_cast<std::uint32_t>(bits), static_cast<std::uint32_t>(bits >> 32)};
+}
 
 }  // namespace
+
+constexpr std::array<SampleWords, PixelSampler::kStored> PixelSampler::stored_ =
+    FirstPoints<kStored>();
+
+SampleWords PixelSampler::Base(std::uint32_t index) { return ScrambledSobol(index); }
 
 PixelSampler::PixelSampler(std::uint64_t seed, int x, int y) {
   const std::uint64_t pixel = static_cast<std::uint64_t>(static_cast<std::uint32_t>(x)) << 32 |
                               static_cast<std::uint32_t>(y);
-  const std::uint64_t mixed = MixBits(MixBits(seed) ^ pixel);
-  scramble_x_ = static_cast<std::uint32_t>(mixed);
-  scramble_y_ = static_cast<std::uint32_t>(mixed >> 32);
+  pixel_ = MixBits(MixBits(seed) ^ pixel);
+  move_ = ToWords(pixel_);
 }
 
-SamplePosition PixelSampler::operator[](std::uint32_t index) const {
-  // The first dimension is the index's reversed bits, so reversing it again gives the index.
-  return {
-      ToUnitInterval(ReverseBits(ScrambleReversed(index, scramble_x_))),
-      ToUnitInterval(ReverseBits(ScrambleReversed(ReverseBits(SobolSecond(index)), scramble_y_)))};
+SampleWords PixelSampler::Direction(std::uint32_t index) const {
+  const std::uint64_t other = MixBits(pixel_);
+  const SampleWords move = ToWords(MixBits(other));
+  // Within 1,024 indices in another order: a bit depends only on higher bits, so each aligned block
+  // of 2^k indices stays one, and the first 2^k points still fill their boxes.
+  constexpr std::uint32_t kMask = kStored - 1;
+  const std::uint32_t order =
+      ReverseBits(ScrambleReversed(ReverseBits(index & kMask), static_cast<std::uint32_t>(other)));
+  const std::uint32_t shuffled = (index & ~kMask) | (order & kMask);
+  const SampleWords base = index < kStored ? stored_[shuffled] : Base(shuffled);
+  return {base.x ^ move.x, base.y ^ move.y};
 }
 
 }  // namespace kdray::core

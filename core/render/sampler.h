@@ -1,27 +1,47 @@
-// The positions of samples in a pixel.
+// The positions of samples in a pixel, and the directions of secondary rays.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 
 namespace kdray::core {
 
-struct SamplePosition {
-  double x = 0, y = 0;  ///< in [0, 1), from the pixel's left and top
+/// A point of the unit square, in multiples of 2^-32.
+struct SampleWords {
+  std::uint32_t x = 0, y = 0;
+  friend bool operator==(const SampleWords&, const SampleWords&) = default;
 };
 
-/// Samples 0, 1, 2, … of one pixel: a (0,2)-sequence scrambled by seed and pixel: among the first
-/// 2^k samples, each box of area 2^-k with power-of-two sides contains exactly one. The sequence
-/// does not depend on how many samples are taken (more can be added to a pixel that is still
-/// noisy), on the region, or on any other pixel. Sources: Sobol' 1967; Owen, "Randomly Permuted
-/// (t,m,s)-Nets and (t,s)-Sequences", 1995; Laine and Karras, "Stratified Sampling for Stochastic
-/// Transparency", EGSR 2011; Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020.
+/// Samples 0, 1, 2, … of one pixel: a (0,2)-sequence moved by seed and pixel: among the first 2^k
+/// samples, each box of area 2^-k with power-of-two sides contains exactly one. The sequence does
+/// not depend on how many samples are taken (more can be added to a pixel that is still noisy), on
+/// the region, or on any other pixel. All pixels share one Owen-scrambled sequence; each moves it
+/// by exclusive or with two words of its own, which keeps the boxes and costs little. Sources:
+/// Sobol' 1967; Owen, "Randomly Permuted (t,m,s)-Nets and (t,s)-Sequences", 1995; Laine and Karras,
+/// "Stratified Sampling for Stochastic Transparency", EGSR 2011; Kollig and Keller, "Efficient
+/// Multidimensional Sampling", 2002; Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4),
+/// 2020.
 class PixelSampler {
  public:
   PixelSampler(std::uint64_t seed, int x, int y);
-  SamplePosition operator[](std::uint32_t index) const;
+
+  /// The position in the pixel.
+  SampleWords operator[](std::uint32_t index) const {
+    const SampleWords base = index < kStored ? stored_[index] : Base(index);
+    return {base.x ^ move_.x, base.y ^ move_.y};
+  }
+  /// A point for the direction of the sample's secondary ray, independent of its position: the
+  /// sequence of another order (within each power of two) and another move.
+  SampleWords Direction(std::uint32_t index) const;
 
  private:
-  std::uint32_t scramble_x_, scramble_y_;
+  static constexpr std::size_t kStored = 1024;
+  static SampleWords Base(std::uint32_t index);
+  static const std::array<SampleWords, kStored> stored_;
+
+  SampleWords move_;
+  std::uint64_t pixel_;  // a hash of it
 };
 
 /// A hash of a 64-bit word: every input bit affects every output bit. Source: Steele, Lea, Flood,

@@ -29,6 +29,15 @@ float HeadlightCosine(const Vec3d& unit_normal, const Vec3d& ray_direction) {
   return static_cast<float>(std::min(cosine, 1.0));
 }
 
+double DiagonalOf(const Bounds3d& bounds) {
+  const Vec3d extent = bounds.Extent();
+  const double side = MaxAbs(extent);
+  if (!(side > 0)) return 0;
+  return side * Length(Vec3d{extent.x / side, extent.y / side, extent.z / side});
+}
+
+double DefaultAoRadius(const Bounds3d& bounds) { return 0.1 * DiagonalOf(bounds); }
+
 Rgb HashedColor(PrimitiveId id) {
   const std::uint64_t bits = MixBits(id);
   const auto share = [&](int shift) {

@@ -1,6 +1,7 @@
 // The appearance of a hit.
 #pragma once
 
+#include "core/geometry/bounds3.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/triangle_mesh.h"
 #include "core/geometry/vec3.h"
@@ -17,6 +18,13 @@ Vec3d UnitNormal(const TriangleMesh& mesh, PrimitiveId id);
 /// and the viewing ray, two-sided (Lambert, 1760). 1 for a zero normal: such a triangle is at most
 /// a line in a picture, and black would look like a crack.
 float HeadlightCosine(const Vec3d& unit_normal, const Vec3d& ray_direction);
+
+/// The length of a box's diagonal, at any scale.
+double DiagonalOf(const Bounds3d& bounds);
+
+/// How far ambient occlusion looks for what hides the surroundings, world units: a tenth of the
+/// diagonal, so that folds and contacts darken and open hollows do not.
+double DefaultAoRadius(const Bounds3d& bounds);
 
 /// A saturated colour for a triangle number, sRGB. Nearby numbers have different colours, and a
 /// number always has the same.

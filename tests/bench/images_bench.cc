@@ -127,8 +127,9 @@ void Run(const std::string& mesh, int reference_samples) {
     const std::string name(core::Name(precision));
     std::cerr << "bench_images: " << name << "\n";
     spec.precision = precision;
-    for (spec.samples = 2; spec.samples <= most_samples; spec.samples *= 2) {
-      Print(name, Render(scene, spec, spec.samples <= kSamplesTimedOften ? kRuns : 1), reference);
+    for (int samples = 2; samples <= most_samples; samples *= 2) {
+      spec.samples = samples;
+      Print(name, Render(scene, spec, samples <= kSamplesTimedOften ? kRuns : 1), reference);
     }
   }
   std::cerr << "bench_images: max_noise\n";

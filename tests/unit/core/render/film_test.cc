@@ -96,24 +96,25 @@ TEST(Color, OverIsAssociative) {
 TEST(PixelSampler, StratifiesEveryPowerOfTwo) {
   for (const std::uint64_t seed : {0u, 1u, 77u}) {
     const PixelSampler sampler(seed, 12, 345);
-    for (int k = 0; k <= 10; ++k) {
+    for (int k = 0; k <= 12; ++k) {
       // 2^k samples: each of the 2^k boxes of width 2^-i and height 2^-(k-i) holds exactly one.
-      for (int i = 0; i <= k; ++i) {
-        std::set<std::pair<int, int>> boxes;
-        for (std::uint32_t n = 0; n < 1u << k; ++n) {
-          const SamplePosition at = sampler[n];
-          ASSERT_TRUE(at.x >= 0 && at.x < 1 && at.y >= 0 && at.y < 1);
-          boxes.emplace(static_cast<int>(std::ldexp(at.x, i)),
-                        static_cast<int>(std::ldexp(at.y, k - i)));
+      for (const int which : {0, 1}) {
+        for (int i = 0; i <= k; ++i) {
+          std::set<std::pair<int, int>> boxes;
+          for (std::uint32_t n = 0; n < 1u << k; ++n) {
+            const SampleWords at = which == 0 ? sampler[n] : sampler.Direction(n);
+            boxes.emplace(static_cast<int>(std::ldexp(at.x, i - 32)),
+                          static_cast<int>(std::ldexp(at.y, k - i - 32)));
+          }
+          ASSERT_EQ(boxes.size(), std::size_t{1} << k);
         }
-        ASSERT_EQ(boxes.size(), std::size_t{1} << k);
       }
     }
   }
 }
 
 TEST(PixelSampler, DiffersBetweenPixelsAndSeedsOnly) {
-  std::set<double> firsts;
+  std::set<std::uint32_t> firsts;
   for (const std::uint64_t seed : {0u, 1u, 2u}) {
     for (int y = 0; y < 50; ++y) {
       for (int x = 0; x < 50; ++x) {
@@ -130,9 +131,9 @@ TEST(PixelSampler, HasItsMiddleInTheMiddleOfThePixel) {
   double sum_y = 0;
   constexpr int kPixels = 10000;
   for (int x = 0; x < kPixels; ++x) {
-    const SamplePosition at = PixelSampler(5, x, 9)[0];
-    sum_x += at.x;
-    sum_y += at.y;
+    const SampleWords at = PixelSampler(5, x, 9)[0];
+    sum_x += std::ldexp(at.x, -32);
+    sum_y += std::ldexp(at.y, -32);
   }
   // Five standard errors of a uniform distribution.
   const double bound = 5 * std::sqrt(1.0 / 12 / kPixels);

@@ -9,10 +9,11 @@
 #include <cstring>
 #include <limits>
 #include <set>
-#include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/base/parallel.h"
+#include "core/render/pixel_filter.h"
 #include "core/render/shading.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/scenes.h"
@@ -55,7 +56,7 @@ bool SameBytes(const RenderedImage& a, const RenderedImage& b) {
 }
 
 constexpr std::array kAllModes = {RenderMode::kShaded, RenderMode::kNormal, RenderMode::kDepth,
-                                  RenderMode::kTriangle};
+                                  RenderMode::kTriangle, RenderMode::kAmbientOcclusion};
 
 // Looks at the origin from +z, `view_height` from top to bottom.
 CameraSpec FromFront(double view_height) {
@@ -115,7 +116,7 @@ TEST(Renderer, WritesNormalsInWorldAxes) {
 
 TEST(Renderer, AveragesSamplesAtEdgesAndCountsCoverage) {
   // The cube's edge x = 0.5 halves column 12 of 16, one eighth of a unit a pixel.
-  const Scene scene = MakeScene(test::Cube({-0.4375, 0, 0}, 1));
+  const Scene scene = MakeScene(test::Cube({-0.9375, 0, 0}, 1.5));
   RenderSpec spec = {.width = 16, .height = 16, .camera = FromFront(2)};
   spec.samples = 64;
   spec.background = Background{.transparent = true};
@@ -125,10 +126,12 @@ TEST(Renderer, AveragesSamplesAtEdgesAndCountsCoverage) {
   const RenderedImage normals = RenderOk(scene, spec);
   for (int y = 0; y < 16; ++y) {
     for (int x = 0; x < 16; ++x) {
-      // 64 stratified samples meet an upright edge in the middle with exactly one half.
-      const float share = x < 12 ? 1.0f : x == 12 ? 0.5f : 0.0f;
+      // 64 stratified samples meet an upright edge with the share of the filter before it, to one
+      // of them; in the middle with exactly one half.
+      const auto expected = static_cast<float>(PixelFilter::ShareBelow(12 - x));
       const std::span<const float> pixel = Floats(shaded)(x, y);
-      ASSERT_NEAR(pixel[3], share, 1e-6f) << x << ' ' << y;
+      ASSERT_NEAR(pixel[3], expected, x == 12 ? 0 : 1.0f / 64) << x << ' ' << y;
+      const float share = pixel[3];
       ASSERT_NEAR(pixel[0], share * color.r, 1e-6f);
       ASSERT_NEAR(pixel[2], share * color.b, 1e-6f);
       ASSERT_NEAR(Floats(normals)(x, y)[2], share, 1e-6f);
@@ -420,36 +423,30 @@ TEST(Renderer, TellsTheCameraItUsed) {
 TEST(Renderer, RefusesWhatItCannotRender) {
   const Scene scene = MakeScene(test::Cube({0, 0, 0}, 1));
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-  struct Case {
-    RenderSpec spec;
-    std::string field;
-  };
-  std::vector<Case> cases = {
-      {{.width = 0}, "width"},
-      {{.width = 1048577, .region = Region{0, 0, 1, 1}}, "width"},
-      {{.height = 0}, "height"},
-      {{.height = 1048577, .region = Region{0, 0, 1, 1}}, "height"},
-      {{.width = 16385, .height = 1}, "region"},
-      {{.width = 1, .height = 16385}, "region"},
-      {{.width = 1048576, .height = 1, .region = Region{5, 0, 16390, 1}}, "region"},
-      {{.samples = 0}, "samples"},
-      {{.samples = 65537}, "samples"},
-      {{.color = {0, 1.5f, 0}}, "color"},
-      {{.color = {0, kNan, 0}}, "color"},
-      {{.background = Background{.color = {-0.1f, 0, 0}}}, "background"},
-      {{.region = Region{-1, 0, 5, 5}}, "region"},
-      {{.region = Region{0, 0, 641, 5}}, "region"},
-      {{.region = Region{0, 0, 5, 481}}, "region"},
-      {{.region = Region{5, 0, 5, 5}}, "region"},
-      {{.region = Region{0, 6, 5, 5}}, "region"},
-  };
-  cases.push_back({{.camera = {.up = Vec3d{}}}, "up"});
-  for (const Case& c : cases) {
-    const Result<RenderedImage> image = Render(scene, c.spec);
-    ASSERT_FALSE(image.ok()) << c.field;
+  const auto expect_refusal = [&](std::string_view field, const RenderSpec& spec) {
+    const Result<RenderedImage> image = Render(scene, spec);
+    ASSERT_FALSE(image.ok()) << field;
     EXPECT_EQ(image.error().code, ErrorCode::kInvalidArgument);
-    EXPECT_EQ(image.error().field, c.field);
-  }
+    EXPECT_EQ(image.error().field, field);
+  };
+  expect_refusal("width", {.width = 0});
+  expect_refusal("width", {.width = 1048577, .region = Region{0, 0, 1, 1}});
+  expect_refusal("height", {.height = 0});
+  expect_refusal("height", {.height = 1048577, .region = Region{0, 0, 1, 1}});
+  expect_refusal("region", {.width = 16385, .height = 1});
+  expect_refusal("region", {.width = 1, .height = 16385});
+  expect_refusal("region", {.width = 1048576, .height = 1, .region = Region{5, 0, 16390, 1}});
+  expect_refusal("samples", {.samples = 0});
+  expect_refusal("samples", {.samples = 65537});
+  expect_refusal("color", {.color = {0, 1.5f, 0}});
+  expect_refusal("color", {.color = {0, kNan, 0}});
+  expect_refusal("background", {.background = Background{.color = {-0.1f, 0, 0}}});
+  expect_refusal("region", {.region = Region{-1, 0, 5, 5}});
+  expect_refusal("region", {.region = Region{0, 0, 641, 5}});
+  expect_refusal("region", {.region = Region{0, 0, 5, 481}});
+  expect_refusal("region", {.region = Region{5, 0, 5, 5}});
+  expect_refusal("region", {.region = Region{0, 6, 5, 5}});
+  expect_refusal("up", {.camera = {.up = Vec3d{}}});
 }
 
 TEST(Renderer, TakesTheLargestAndSmallestOfEveryLimit) {

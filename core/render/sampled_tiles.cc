@@ -1,0 +1,282 @@
+#include "core/render/sampled_tiles.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/render/pixel_filter.h"
+#include "core/render/pixel_order.h"
+#include "core/render/sampler.h"
+
+namespace kdray::core {
+namespace {
+
+// Two colours that differ by less in each channel, as displayed, make no visible steps along a
+// border between them: 1/20 of the range.
+constexpr float kVisibleStep = 0.05f;
+
+// About the share of the display's range that linear light takes.
+float Displayed(float linear) { return std::sqrt(std::clamp(linear, 0.0f, 1.0f)); }
+
+void Store(std::span<float> pixel, float r, float g, float b, float a) {
+  pixel[0] = r;
+  pixel[1] = g;
+  pixel[2] = b;
+  pixel[3] = a;
+}
+
+float ToFloat(double light) {
+  return static_cast<float>(
+      std::min(light, static_cast<double>(std::numeric_limits<float>::max())));
+}
+
+}  // namespace
+
+SampledTiles::SampledTiles(const Scene& scene, const RenderSpec& spec, const SamplingRule& rule,
+                           const TraceOptions& trace_options, const TileRenderer& lines,
+                           ScratchPool* pool, RenderedImage* image)
+    : scene_(scene),
+      mode_(spec.mode),
+      seed_(spec.seed),
+      rule_(rule),
+      trace_options_(trace_options),
+      rays_(image->camera),
+      shader_(scene, spec, trace_options),
+      lines_(lines),
+      pool_(pool),
+      image_(image) {
+  if (!image->background.transparent) {
+    const Rgb linear = SrgbToLinear(image->background.color);
+    background_ = {linear.r, linear.g, linear.b, 1.0f};
+  }
+  background_luminance_ =
+      mode_ == RenderMode::kNormal ? 0.0 : LuminanceOf(background_.r, background_.g, background_.b);
+}
+
+TileSums SampledTiles::Begin(const Tile& tile) {
+  return {.tile = tile,
+          .pixels = std::vector<PixelSums>(tile.pixel_count()),
+          .line_opacity = {},
+          .line_hits = {}};
+}
+
+// The samples [first, first + count) of a pixel.
+void SampledTiles::AddRays(const Tile& tile, std::uint32_t pixel, std::uint32_t first,
+                           std::uint32_t count, TileScratch* scratch) const {
+  const auto width = static_cast<std::uint32_t>(tile.width());
+  const int x = tile.x0 + static_cast<int>(pixel % width);
+  const int y = tile.y0 + static_cast<int>(pixel / width);
+  const PixelSampler sampler(seed_, x, y);
+  if (shader_.needs_directions()) {
+    for (std::uint32_t n = first; n < first + count; ++n) {
+      scratch->directions.push_back(sampler.Direction(n));
+    }
+  }
+  if (rule_.centre) {
+    scratch->rays.push_back(image_->camera.RayThrough(x + 0.5, y + 0.5));
+    return;
+  }
+  const PixelFilter& filter = PixelFilter::Get();
+  const CameraRays::Around around(rays_, x + 0.5, y + 0.5);
+  for (std::uint32_t n = first; n < first + count; ++n) {
+    const SampleWords at = sampler[n];
+    scratch->rays.push_back(around.At(static_cast<double>(filter.Offset(at.x)),
+                                      static_cast<double>(filter.Offset(at.y))));
+  }
+}
+
+// Closest hits and values of the rays.
+Status SampledTiles::Trace(TileScratch* scratch) const {
+  scratch->hits.resize(scratch->rays.size());
+  scratch->counts.camera_rays += scratch->rays.size();
+  Status status =
+      TraceClosest(scene_, std::span<const Ray>(scratch->rays), trace_options_, scratch->hits);
+  if (!status.ok()) return status;
+  return shader_.Shade(scratch);
+}
+
+Status SampledTiles::Refine(int target, TileSums* sums) const {
+  const ScratchPool::Lease lease(pool_);
+  TileScratch* const scratch = lease.get();
+  const auto clear = [&] {
+    scratch->rays.clear();
+    scratch->directions.clear();
+  };
+  clear();
+  std::vector<Run> runs;
+  const auto all = static_cast<std::uint32_t>(target);
+  if (lines_.draws_lines() && sums->line_opacity.empty()) {
+    sums->line_hits.resize(sums->pixels.size() * static_cast<std::size_t>(target));
+  }
+  for (const std::uint32_t i : PixelOrder(sums->tile.width(), sums->tile.height())) {
+    const PixelSums& pixel = sums->pixels[i];
+    if (pixel.stopped) continue;
+    for (std::uint32_t n = pixel.samples; n < all;) {
+      const auto room = static_cast<std::uint32_t>(kRaysPerBatch - scratch->rays.size());
+      const std::uint32_t count = std::min(all - n, room);
+      AddRays(sums->tile, i, n, count, scratch);
+      runs.push_back({i, count});
+      n += count;
+      if (scratch->rays.size() < kRaysPerBatch) continue;
+      if (Status status = FinishBatch(target, runs, scratch, sums); !status.ok()) return status;
+      runs.clear();
+      clear();
+    }
+  }
+  if (!runs.empty()) {
+    if (Status status = FinishBatch(target, runs, scratch, sums); !status.ok()) return status;
+  }
+  if (!sums->line_hits.empty()) {
+    // From the first samples, of which all pixels have the same number: their depths are accurate
+    // enough for a line's edge.
+    if (Status status = DrawLines(target, sums->line_hits, sums); !status.ok()) return status;
+    sums->line_hits = {};
+  }
+  for (PixelSums& pixel : sums->pixels) {
+    pixel.stopped = pixel.stopped || target >= rule_.limit ||
+                    (target >= kMinAdaptiveSamples && pixel.Noise() < rule_.max_noise);
+  }
+  return {};
+}
+
+Status SampledTiles::FinishBatch(int target, std::span<const Run> runs, TileScratch* scratch,
+                                 TileSums* sums) const {
+  if (Status status = Trace(scratch); !status.ok()) return status;
+  std::size_t i = 0;
+  for (const Run& run : runs) {
+    PixelSums& pixel = sums->pixels[run.pixel];
+    const std::size_t first_of_pixel = run.pixel * static_cast<std::size_t>(target);
+    for (std::uint32_t k = 0; k < run.count; ++k, ++i) {
+      if (!sums->line_hits.empty()) {
+        sums->line_hits[first_of_pixel + pixel.samples + k] = scratch->hits[i];
+      }
+      const bool is_hit = scratch->hits[i].IsHit();
+      const Vec3f& value = scratch->values[i];
+      pixel.sum = pixel.sum + Vec3d(value);
+      pixel.misses += is_hit ? 0 : 1;
+      if (rule_.estimates) {
+        pixel.AddLuminance(is_hit ? shader_.LuminanceOf(value) : background_luminance_);
+      }
+    }
+    pixel.samples += run.count;
+  }
+  return {};
+}
+
+Status SampledTiles::DrawLines(int samples, std::span<const Hit> hits, TileSums* sums) const {
+  sums->line_opacity.resize(sums->pixels.size());
+  return lines_.FindLines(sums->tile, hits, samples, sums->line_opacity);
+}
+
+bool SampledTiles::Differ(const Vec3f& a, const Vec3f& b) const {
+  const auto apart = [&](float x, float y) {
+    const float distance =
+        mode_ == RenderMode::kNormal ? 0.5f * (x - y) : Displayed(x) - Displayed(y);
+    return std::fabs(distance) > kVisibleStep;
+  };
+  return apart(a.x, b.x) || apart(a.y, b.y) || apart(a.z, b.z);
+}
+
+Status SampledTiles::RenderSmooth(TileSums* sums) const {
+  const Tile& tile = sums->tile;
+  // The tile with its neighbours in the whole image.
+  const Tile wide = {std::max(tile.x0 - 1, 0), std::max(tile.y0 - 1, 0),
+                     std::min(tile.x1 + 1, image_->camera.width),
+                     std::min(tile.y1 + 1, image_->camera.height)};
+  struct Centre {
+    bool is_hit = false;
+    Vec3f value;
+  };
+  std::vector<Centre> centres(wide.pixel_count());
+  std::vector<Hit> line_hits(lines_.draws_lines() ? tile.pixel_count() : 0);
+  const auto width = static_cast<std::uint32_t>(wide.width());
+  {
+    const ScratchPool::Lease lease(pool_);
+    TileScratch* const scratch = lease.get();
+    scratch->rays.clear();
+    const std::vector<std::uint32_t> order = PixelOrder(wide.width(), wide.height());
+    for (const std::uint32_t i : order) {
+      scratch->rays.push_back(
+          image_->camera.RayThrough(wide.x0 + static_cast<int>(i % width) + 0.5,
+                                    wide.y0 + static_cast<int>(i / width) + 0.5));
+    }
+    if (Status status = Trace(scratch); !status.ok()) return status;
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      centres[order[k]] = {scratch->hits[k].IsHit(), scratch->values[k]};
+    }
+    for (std::size_t k = 0; !line_hits.empty() && k < order.size(); ++k) {
+      const int x = wide.x0 + static_cast<int>(order[k] % width) - tile.x0;
+      const int y = wide.y0 + static_cast<int>(order[k] / width) - tile.y0;
+      if (x < 0 || y < 0 || x >= tile.width() || y >= tile.height()) continue;
+      line_hits[static_cast<std::size_t>(y * tile.width() + x)] = scratch->hits[k];
+    }
+  }
+  const auto at = [&](int x, int y) -> const Centre& {
+    return centres[static_cast<std::size_t>((y - wide.y0) * wide.width() + (x - wide.x0))];
+  };
+  std::size_t i = 0;
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    for (int x = tile.x0; x < tile.x1; ++x, ++i) {
+      const Centre& own = at(x, y);
+      bool is_even = true;
+      for (int v = std::max(y - 1, wide.y0); v < std::min(y + 2, wide.y1); ++v) {
+        for (int u = std::max(x - 1, wide.x0); u < std::min(x + 2, wide.x1); ++u) {
+          const Centre& other = at(u, v);
+          is_even = is_even && other.is_hit == own.is_hit && !Differ(other.value, own.value);
+        }
+      }
+      if (!is_even) continue;
+      PixelSums& pixel = sums->pixels[i];
+      pixel.samples = 1;
+      pixel.misses = own.is_hit ? 0 : 1;
+      pixel.sum = Vec3d(own.value);
+      pixel.stopped = true;
+    }
+  }
+  if (lines_.draws_lines()) {
+    if (Status status = DrawLines(1, line_hits, sums); !status.ok()) return status;
+  }
+  return Refine(kSmoothSamples, sums);
+}
+
+void SampledTiles::Write(const TileSums& sums) const {
+  std::size_t i = 0;
+  for (int y = sums.tile.y0; y < sums.tile.y1; ++y) {
+    for (int x = sums.tile.x0; x < sums.tile.x1; ++x, ++i) {
+      const PixelSums& pixel = sums.pixels[i];
+      if (mode_ == RenderMode::kShaded) {
+        WriteShaded(pixel, std::get<Film<float>>(image_->values)(x, y));
+      } else if (mode_ == RenderMode::kNormal) {
+        WriteNormal(pixel, x, y);
+      } else {
+        WriteOcclusion(pixel, x, y);
+      }
+      if (!sums.line_opacity.empty()) lines_.DrawLine(sums.line_opacity[i], x, y);
+    }
+  }
+}
+
+void SampledTiles::WriteShaded(const PixelSums& pixel, std::span<float> values) const {
+  const Vec3d mean = pixel.sum * (1.0 / pixel.samples);
+  const double missed = static_cast<double>(pixel.misses) / pixel.samples;
+  const auto over = [&](double light, float behind) {
+    return ToFloat(light + static_cast<double>(behind) * missed);
+  };
+  Store(values, over(mean.x, background_.r), over(mean.y, background_.g),
+        over(mean.z, background_.b), background_.a == 1.0f ? 1.0f : pixel.Coverage());
+}
+
+void SampledTiles::WriteNormal(const PixelSums& pixel, int x, int y) const {
+  const Vec3f mean(pixel.sum * (1.0 / pixel.samples));
+  const std::span<float> values = std::get<Film<float>>(image_->values)(x, y);
+  for (int k = 0; k < 3; ++k) values[static_cast<std::size_t>(k)] = mean[k] + 0.0f;  // no -0
+  (*image_->coverage)(x, y)[0] = pixel.Coverage();
+}
+
+// Nothing hides the surroundings of a miss.
+void SampledTiles::WriteOcclusion(const PixelSums& pixel, int x, int y) const {
+  std::get<Film<float>>(image_->values)(x, y)[0] =
+      static_cast<float>((pixel.sum.x + pixel.misses) / pixel.samples);
+  (*image_->coverage)(x, y)[0] = pixel.Coverage();
+}
+
+}  // namespace kdray::core

@@ -1,0 +1,90 @@
+// The memory of one thread that renders tiles, kept from tile to tile: allocating it for each would
+// take as long as tracing.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include "core/geometry/hit.h"
+#include "core/geometry/ray.h"
+#include "core/geometry/triangle_mesh.h"
+#include "core/geometry/vec3.h"
+#include "core/render/render_counts.h"
+#include "core/render/sampler.h"
+
+namespace kdray::core {
+
+/// Unit normals (core/render/shading.h) of the triangles met last: neighbouring samples hit the
+/// same ones.
+class NormalCache {
+ public:
+  const Vec3f& Normal(const TriangleMesh& mesh, PrimitiveId id, RenderCounts* counts) {
+    Entry& entry = entries_[id % kEntries];
+    if (entry.id != id) [[unlikely]]
+      Fill(mesh, id, &entry, counts);
+    return entry.normal;
+  }
+
+ private:
+  static constexpr std::size_t kEntries = 1024;
+  struct Entry {
+    PrimitiveId id = kNoPrimitive;
+    Vec3f normal;
+  };
+  static void Fill(const TriangleMesh& mesh, PrimitiveId id, Entry* entry, RenderCounts* counts);
+
+  std::array<Entry, kEntries> entries_;
+};
+
+/// Arrays of a batch; each user resizes what it needs.
+struct TileScratch {
+  std::vector<Ray> rays;
+  std::vector<Hit> hits;
+  std::vector<SampleWords> directions;  ///< random numbers of secondary rays
+  std::vector<Vec3f> values;            ///< of the samples
+  std::vector<Vec3f> normals;           ///< of the samples, towards the viewer
+  std::vector<Vec3f> smooth_normals;    ///< of the samples, on the same side
+  std::vector<Ray> secondary_rays;
+  std::vector<std::uint8_t> occluded;
+  struct Contribution {
+    std::uint32_t sample;
+    Vec3f value;
+  };
+  std::vector<Contribution> contributions;  ///< of the secondary rays, if they are not occluded
+  NormalCache normal_cache;
+  RenderCounts counts;
+};
+
+/// Hands out scratch memory. Safe from many threads at once. The counts are complete when all is
+/// back.
+class ScratchPool {
+ public:
+  class Lease {
+   public:
+    explicit Lease(ScratchPool* pool) : pool_(pool), scratch_(pool->Take()) {}
+    ~Lease() { pool_->Return(std::move(scratch_)); }
+    Lease(const Lease&) = delete;
+    Lease& operator=(const Lease&) = delete;
+    TileScratch* get() const { return scratch_.get(); }
+
+   private:
+    ScratchPool* const pool_;
+    std::unique_ptr<TileScratch> scratch_;
+  };
+
+  RenderCounts Counts() const;
+
+ private:
+  std::unique_ptr<TileScratch> Take();
+  void Return(std::unique_ptr<TileScratch> scratch);
+
+  mutable std::mutex mutex_;
+  std::vector<std::unique_ptr<TileScratch>> free_;
+};
+
+}  // namespace kdray::core
