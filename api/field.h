@@ -53,6 +53,8 @@ template <class T>
 void Assign(T& member, FieldValue value) {
   if constexpr (IsOptional<T>::value) {
     Assign(member.emplace(), std::move(value));
+  } else if constexpr (std::is_same_v<T, bool> || std::is_same_v<T, std::vector<Light>>) {
+    member = std::get<T>(std::move(value));
   } else if constexpr (std::is_enum_v<T> || std::is_integral_v<T>) {
     member = static_cast<T>(std::get<std::int64_t>(value));
   } else if constexpr (std::is_same_v<T, Vec3>) {
@@ -75,6 +77,8 @@ template <class T>
 std::optional<FieldValue> Fetch(const T& member) {
   if constexpr (IsOptional<T>::value) {
     return member ? Fetch(*member) : std::nullopt;
+  } else if constexpr (std::is_same_v<T, bool> || std::is_same_v<T, std::vector<Light>>) {
+    return member;
   } else if constexpr (std::is_enum_v<T> || std::is_integral_v<T>) {
     return static_cast<std::int64_t>(member);
   } else if constexpr (std::is_same_v<T, Vec3>) {

@@ -1,6 +1,7 @@
 #include "api/field_kind.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
@@ -56,7 +57,10 @@ std::string Interval(std::int64_t min, std::int64_t max) {
 struct Place {
   std::string name, parameter;
 
-  Place Element(std::size_t i) const { return {name + "[" + std::to_string(i) + "]", parameter}; }
+  Place Element(std::size_t i) const {
+    const bool is_pointer = name.starts_with('/');
+    return {name + (is_pointer ? PointerStep(i) : "[" + std::to_string(i) + "]"), parameter};
+  }
   Problem Refuse(ErrorCode code, const FieldKind& kind, const std::string& came) const {
     return Problem{code, name + " must be " + Describe(kind) + ", not " + came, parameter};
   }
@@ -90,6 +94,11 @@ class TextSource {
     return value;
   }
   std::optional<std::string_view> Word() const { return text_; }
+  std::optional<bool> Boolean() const {
+    if (text_ == "true") return true;
+    return text_ == "false" ? std::optional<bool>(false) : std::nullopt;
+  }
+  std::string_view text() const { return text_; }
 
   Outcome<std::vector<TextSource>> Elements(const FieldKind&) const {
     std::vector<TextSource> elements;
@@ -137,6 +146,11 @@ class JsonSource {
     const auto* text = std::get_if<std::string>(&value_->value);
     return text == nullptr ? std::nullopt : std::optional<std::string_view>(*text);
   }
+  std::optional<bool> Boolean() const {
+    const auto* boolean = std::get_if<bool>(&value_->value);
+    return boolean == nullptr ? std::nullopt : std::optional<bool>(*boolean);
+  }
+  const JsonValue& value() const { return *value_; }
 
   Outcome<std::vector<JsonSource>> Elements(const FieldKind& kind) const {
     const auto* array = std::get_if<JsonArray>(&value_->value);
@@ -247,6 +261,153 @@ Outcome<FieldValue> Read(const TextKind& kind, const Source& source) {
   return FieldValue(std::string(*word));
 }
 
+template <class Source>
+Outcome<FieldValue> Read(const BooleanKind& kind, const Source& source) {
+  const std::optional<bool> value = source.Boolean();
+  if (!value) return source.Refuse(kind);
+  return FieldValue(*value);
+}
+
+// ---- Lights ----
+
+constexpr std::array<std::string_view, 4> kLightNames = {"direction", "position", "intensity",
+                                                         "color"};
+
+/// Reads one light. Messages name values by their JSON pointer; `parameter`, if not empty, replaces
+/// the pointer as the problem's parameter.
+class LightReader {
+ public:
+  LightReader(std::string pointer, std::string parameter)
+      : pointer_(std::move(pointer)), parameter_(std::move(parameter)) {}
+
+  Outcome<Light> Read(const JsonValue& value) const {
+    const auto* object = std::get_if<JsonObject>(&value.value);
+    if (object == nullptr) {
+      return Refuse(ErrorCode::kInvalidJson, pointer_,
+                    " must be an object, not " + std::string(value.KindName()));
+    }
+    Light light;
+    for (const JsonMember& member : *object) {
+      if (Check problem = ReadMember(member, &light)) return *std::move(problem);
+    }
+    if (light.direction.has_value() == light.position.has_value()) {
+      return Refuse(ErrorCode::kInvalidParameter, pointer_,
+                    " must have either a direction or a position");
+    }
+    if (light.direction == Vec3{}) {
+      return Refuse(ErrorCode::kInvalidParameter, pointer_ + "/direction", " must not be 0,0,0");
+    }
+    return light;
+  }
+
+ private:
+  Problem Refuse(ErrorCode code, const std::string& pointer, const std::string& why) const {
+    return Problem{code, pointer + why, parameter_.empty() ? pointer : parameter_};
+  }
+
+  Check ReadMember(const JsonMember& member, Light* light) const {
+    const std::string pointer = pointer_ + PointerStep(member.key);
+    const auto read = [&](const auto& kind) {
+      Outcome<FieldValue> value = api::Read(kind, JsonSource({pointer, pointer}, member.value));
+      return parameter_.empty() ? std::move(value) : WithParameter(std::move(value));
+    };
+    if (member.key == "intensity") {
+      const Outcome<FieldValue> value = read(NumberKind{.min = 0});
+      if (!value) return value.problem();
+      light->intensity = std::get<double>(*value);
+      return std::nullopt;
+    }
+    if (std::find(kLightNames.begin(), kLightNames.end(), member.key) == kLightNames.end()) {
+      return Refuse(ErrorCode::kInvalidParameter, pointer,
+                    " is unknown; a light has " + Join(kLightNames));
+    }
+    const bool is_color = member.key == "color";
+    const Outcome<FieldValue> value =
+        read(is_color ? VectorKind{.min = 0, .max = 1} : VectorKind{});
+    if (!value) return value.problem();
+    const auto& numbers = std::get<std::vector<double>>(*value);
+    const Vec3 vector = {numbers[0], numbers[1], numbers[2]};
+    if (is_color) light->color = vector;
+    if (member.key == "direction") light->direction = vector;
+    if (member.key == "position") light->position = vector;
+    return std::nullopt;
+  }
+
+  Outcome<FieldValue> WithParameter(Outcome<FieldValue> value) const {
+    if (value) return value;
+    Problem problem = std::move(value).problem();
+    problem.parameter = parameter_;
+    return problem;
+  }
+
+  std::string pointer_, parameter_;
+};
+
+Outcome<FieldValue> ReadLights(const LightsKind& kind, const Place& place, const JsonValue& value,
+                               const std::string& parameter) {
+  const auto* array = std::get_if<JsonArray>(&value.value);
+  if (array == nullptr) {
+    return place.Refuse(parameter.empty() ? ErrorCode::kInvalidJson : ErrorCode::kInvalidParameter,
+                        kind, std::string(value.KindName()));
+  }
+  if (array->size() > kind.max) {
+    Problem problem = place.Refuse(ErrorCode::kInvalidParameter, kind,
+                                   std::to_string(array->size()) + " of them");
+    problem.limit = static_cast<double>(kind.max);
+    problem.actual = static_cast<double>(array->size());
+    return problem;
+  }
+  std::vector<Light> lights;
+  const std::string pointer = PointerStep(place.name);
+  for (const JsonValue& element : *array) {
+    Outcome<Light> light =
+        LightReader(pointer + PointerStep(lights.size()), parameter).Read(element);
+    if (!light) {
+      Problem problem = std::move(light).problem();
+      // As a parameter's text, a wrong kind of value is a wrong parameter.
+      if (!parameter.empty()) problem.code = ErrorCode::kInvalidParameter;
+      return problem;
+    }
+    lights.push_back(*std::move(light));
+  }
+  return FieldValue(std::move(lights));
+}
+
+Outcome<FieldValue> Read(const LightsKind& kind, const JsonSource& source) {
+  return ReadLights(kind, source.place(), source.value(), "");
+}
+
+Outcome<FieldValue> Read(const LightsKind& kind, const TextSource& source) {
+  std::string text(source.text());
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const bool is_sign = i > 0 && (text[i - 1] == 'e' || text[i - 1] == 'E');
+    if (text[i] == '+' && !is_sign) text[i] = ' ';
+  }
+  constexpr std::size_t kDepth = 4;  // lights, light, vector, and one to name as wrong
+  Outcome<JsonValue> value = ReadJsonValue(source.place().name, text, kDepth);
+  if (value) return ReadLights(kind, source.place(), *value, source.place().parameter);
+  Problem problem = std::move(value).problem();
+  return Problem{ErrorCode::kInvalidParameter,
+                 source.place().name + " must be " + Describe(kind) + ": " + problem.detail,
+                 source.place().parameter};
+}
+
+std::string LightsText(const std::vector<Light>& lights) {
+  const auto vector_text = [](const Vec3& v) {
+    return '[' + NumberText(v[0]) + ',' + NumberText(v[1]) + ',' + NumberText(v[2]) + ']';
+  };
+  std::string text = "[";
+  for (const Light& light : lights) {
+    if (text.size() > 1) text += ',';
+    text += light.direction ? "{\"direction\":" + vector_text(*light.direction)
+                            : "{\"position\":" + vector_text(light.position.value_or(Vec3{}));
+    if (light.intensity != 1) text += ",\"intensity\":" + NumberText(light.intensity);
+    if (light.color != Vec3{1, 1, 1}) text += ",\"color\":" + vector_text(light.color);
+    text += '}';
+  }
+  return text + ']';
+}
+
 }  // namespace
 
 std::string Describe(const FieldKind& kind) {
@@ -269,6 +430,11 @@ std::string Describe(const FieldKind& kind) {
                                  Join(k.names);
                         },
                         [](const TextKind& k) { return std::string(k.wanted); },
+                        [](const BooleanKind&) { return std::string("true or false"); },
+                        [](const LightsKind& k) {
+                          return "an array of at most " + std::to_string(k.max) +
+                                 " lights, each an object with a direction or a position";
+                        },
                     },
                     kind);
 }
@@ -312,6 +478,8 @@ std::string WriteText(const FieldKind& kind, const FieldValue& value) {
           },
           [&](const std::vector<double>& numbers) { return list(numbers, NumberText); },
           [&](const std::string& text) { return text; },
+          [&](bool is_true) { return std::string(is_true ? "true" : "false"); },
+          [&](const std::vector<Light>& lights) { return LightsText(lights); },
       },
       value);
 }

@@ -50,8 +50,14 @@ struct TextKind {
   bool (*accepts)(std::string_view);
   std::string_view wanted;  ///< in words
 };
+/// `true` or `false`, also as a parameter.
+struct BooleanKind {};
+/// A list of lights: an array of objects in JSON, its text as a parameter.
+struct LightsKind {
+  std::size_t max = 0;
+};
 using FieldKind = std::variant<IntegerKind, NumberKind, VectorKind, IntegersKind, ChoiceKind,
-                               ChoicesKind, TextKind>;
+                               ChoicesKind, TextKind, BooleanKind, LightsKind>;
 
 /// The allowed values of `kind` in words: "an integer from 1 to 1024".
 std::string Describe(const FieldKind& kind);
@@ -59,11 +65,12 @@ std::string Describe(const FieldKind& kind);
 // ---- Its value ----
 
 /// integer, index of a choice; number; integers, indices of choices; vector; text or
-/// VectorKind::word.
-using FieldValue =
-    std::variant<std::int64_t, double, std::vector<std::int64_t>, std::vector<double>, std::string>;
+/// VectorKind::word; boolean; lights.
+using FieldValue = std::variant<std::int64_t, double, std::vector<std::int64_t>,
+                                std::vector<double>, std::string, bool, std::vector<Light>>;
 
-/// A parameter's text: invalid_parameter.
+/// A parameter's text: invalid_parameter. In that of lights, a plus sign is a blank unless it
+/// follows e or E.
 Outcome<FieldValue> ReadText(std::string_view name, const FieldKind& kind, std::string_view text);
 /// A JSON value: invalid_json for the wrong kind of value, invalid_parameter for the right kind
 /// outside the range.

@@ -51,7 +51,8 @@ struct FieldUse {
 };
 
 /// The modes that may take more samples than the pixel's centre.
-constexpr Some<RenderMode> kSampled = {RenderMode::kShaded, RenderMode::kNormal};
+constexpr Some<RenderMode> kSampled = {RenderMode::kShaded, RenderMode::kNormal,
+                                       RenderMode::kAmbientOcclusion};
 
 constexpr std::array kFieldUses = {
     FieldUse{.field = "fov_deg", .projections = {Projection::kPerspective}},
@@ -62,6 +63,9 @@ constexpr std::array kFieldUses = {
     FieldUse{.field = "max_noise", .modes = kSampled},
     FieldUse{.field = "budget_ms", .modes = kSampled},
     FieldUse{.field = "color", .modes = {RenderMode::kShaded}},
+    FieldUse{.field = "lights", .modes = {RenderMode::kShaded}},
+    FieldUse{.field = "shadows", .modes = {RenderMode::kShaded}},
+    FieldUse{.field = "ao_radius", .modes = {RenderMode::kAmbientOcclusion}},
     FieldUse{.field = "background", .forms = {ImageForm::kPng}},
 };
 
@@ -84,10 +88,11 @@ std::optional<std::string> Owner(const FieldUse& use, const RenderRequest& reque
   return std::nullopt;
 }
 
-/// A request with only a mode, with the defaults that depend on it.
-RenderRequest DefaultsOf(RenderMode mode) {
+/// A request with only a mode, with the defaults that depend on it and the form.
+RenderRequest DefaultsOf(RenderMode mode, ImageForm form) {
   RenderRequest request;
   request.mode = mode;
+  request.samples = DefaultSamples(mode, form);
   request.background = DefaultBackground(mode);
   return request;
 }
@@ -96,7 +101,7 @@ RenderRequest DefaultsOf(RenderMode mode) {
 
 Check CheckFieldsAreUsed(const RenderRequest& request, ImageForm form,
                          const FieldTable<RenderRequest>& table, const std::string& pointer) {
-  const RenderRequest defaults = DefaultsOf(request.mode);
+  const RenderRequest defaults = DefaultsOf(request.mode, form);
   for (const FieldUse& use : kFieldUses) {
     const std::optional<std::string> owner = Owner(use, request, form);
     const Field<RenderRequest>* field = FindField(table, use.field);

@@ -19,14 +19,16 @@ using nlohmann::json;
 /// depth, and the text of numbers.
 class Builder {
  public:
-  Builder(std::string_view text, std::size_t max_depth) : text_(text), max_depth_(max_depth) {}
+  /// `name` is the text's name in messages.
+  Builder(std::string_view name, std::string_view text, std::size_t max_depth, bool object_only)
+      : name_(name), text_(text), max_depth_(max_depth), object_only_(object_only) {}
 
-  Outcome<JsonObject> Read() {
+  Outcome<JsonValue> Read() {
     if (Check problem = RefuseNul(text_)) return *std::move(problem);
     json::sax_parse(JsonCursor(text_.data(), &seen_),
                     JsonCursor(text_.data() + text_.size(), &seen_), this);
     if (problem_) return *std::move(problem_);
-    return std::get<JsonObject>(std::move(root_.value));
+    return std::move(root_);
   }
 
   bool null() { return Add(nullptr); }
@@ -83,13 +85,13 @@ class Builder {
   JsonValue* Place(JsonValue value) {
     value.line = Line();
     if (++values_ > kMaxJsonValues) {
-      Fail("the body has more than " + std::to_string(kMaxJsonValues) + " values");
+      Fail(name_ + " has more than " + std::to_string(kMaxJsonValues) + " values");
       return nullptr;
     }
     if (open_.empty()) {
       root_ = std::move(value);
-      if (std::holds_alternative<JsonObject>(root_.value)) return &root_;
-      Fail("the body must be an object, not " + std::string(root_.KindName()));
+      if (!object_only_ || std::holds_alternative<JsonObject>(root_.value)) return &root_;
+      Fail(name_ + " must be an object, not " + std::string(root_.KindName()));
       return nullptr;
     }
     if (auto* array = std::get_if<JsonArray>(&open_.back()->value)) {
@@ -119,7 +121,7 @@ class Builder {
     JsonValue* placed = Place(JsonValue{std::move(empty)});
     if (placed == nullptr) return false;
     if (open_.size() == max_depth_) {
-      return Fail("the body nests deeper than " + std::to_string(max_depth_) + " levels");
+      return Fail(name_ + " nests deeper than " + std::to_string(max_depth_) + " levels");
     }
     open_.push_back(placed);
     return true;
@@ -142,8 +144,10 @@ class Builder {
     return false;
   }
 
+  std::string name_;
   std::string_view text_;
   std::size_t max_depth_;
+  bool object_only_;
   const char* seen_ = text_.data();
   const char* counted_ = text_.data();
   std::uint64_t line_ = 1;
@@ -162,7 +166,14 @@ std::string_view JsonValue::KindName() const {
 }
 
 Outcome<JsonObject> ReadJsonObject(std::string_view text, std::size_t max_depth) {
-  return Builder(text, max_depth).Read();
+  Outcome<JsonValue> value = Builder("the body", text, max_depth, true).Read();
+  if (!value) return std::move(value).problem();
+  return std::get<JsonObject>(std::move(value->value));
+}
+
+Outcome<JsonValue> ReadJsonValue(std::string_view name, std::string_view text,
+                                 std::size_t max_depth) {
+  return Builder(name, text, max_depth, false).Read();
 }
 
 }  // namespace kdray::api

@@ -47,5 +47,8 @@ inline constexpr std::size_t kMaxJsonValues = 4096;
 /// the range of double, a repeated key, brackets nested deeper than `max_depth`, more than
 /// kMaxJsonValues values.
 Outcome<JsonObject> ReadJsonObject(std::string_view text, std::size_t max_depth);
+/// The same for one value of any kind, in a text that messages call `name`.
+Outcome<JsonValue> ReadJsonValue(std::string_view name, std::string_view text,
+                                 std::size_t max_depth);
 
 }  // namespace kdray::api

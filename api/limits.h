@@ -1,6 +1,7 @@
 // The limits of this server. Set by the command line; GET /v1 lists them under these names.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 namespace kdray::api {
@@ -10,6 +11,7 @@ inline constexpr std::int64_t kMaxWholeSide =
     1 << 20;  ///< of a whole image, pixels; Limits bounds the part that one answer renders
 inline constexpr std::int64_t kMaxDepth = 255;  ///< of cells; no tree is deeper
 inline constexpr std::int64_t kMaxPage = 1000;  ///< trees
+inline constexpr std::size_t kMaxLights = 64;   ///< of a render
 
 struct Limits {
   std::uint64_t max_upload_bytes = std::uint64_t{1} << 30;  ///< mesh_too_large

@@ -46,7 +46,7 @@ Outcome<RenderRequest> CheckedRender(Outcome<RenderRequest> request, ImageForm f
                        std::to_string(all.y1) + ")",
                    pointer + "region"};
   }
-  if (request->samples > 1 && (request->budget_ms || request->max_noise)) {
+  if (request->samples.value_or(1) > 1 && (request->budget_ms || request->max_noise)) {
     return Problem{ErrorCode::kInvalidParameter,
                    "samples says how many there are, budget_ms and max_noise let pixels decide; "
                    "with these, max_samples is the limit",

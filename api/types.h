@@ -234,6 +234,16 @@ struct Region {
   std::int64_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;  ///< half-open pixels of the whole image
 };
 
+/// One of a shaded render's `lights`: at most one of direction and position is set, and in a
+/// decoded request exactly one.
+struct Light {
+  std::optional<Vec3> direction;  ///< where the light travels to, not 0,0,0
+  std::optional<Vec3> position;   ///< of a point light
+  double intensity = 1;           ///< >= 0
+  Vec3 color = {1, 1, 1};         ///< sRGB 0..1
+  friend bool operator==(const Light&, const Light&) = default;
+};
+
 /// Fields of render.png and render.npy. Missing camera values are chosen so that the whole mesh is
 /// visible.
 struct RenderRequest {
@@ -244,11 +254,14 @@ struct RenderRequest {
   double fov_deg = 40;
   std::optional<double> view_height;
   RenderMode mode = RenderMode::kShaded;
-  std::int64_t samples = 1;
+  std::optional<std::int64_t> samples;  ///< per pixel; nullopt: see DefaultSamples
   Precision precision = Precision::kAuto;
   Vec3 color = {0.93, 0.88, 0.81};  ///< of the surface, sRGB 0..1
   std::optional<Vec3> background;   ///< sRGB 0..1; see `transparent`. nullopt: DefaultBackground
   bool transparent = false;         ///< background=transparent
+  std::optional<std::vector<Light>> lights;  ///< nullopt: a headlight
+  bool shadows = false;                      ///< lights are hidden by what is between
+  std::optional<double> ao_radius;  ///< of ambient occlusion; nullopt: a share of the mesh's size
   std::optional<std::int64_t> cells_depth;
   std::optional<Region> region;
   std::uint64_t seed = 0;
@@ -258,10 +271,26 @@ struct RenderRequest {
   std::int64_t deadline_ms = 60000;
 };
 
-/// White for a shaded mesh, black for other modes.
+/// White for modes that show light, black for the others.
 constexpr Vec3 DefaultBackground(RenderMode mode) {
-  return mode == RenderMode::kShaded ? Vec3{1, 1, 1} : Vec3{0, 0, 0};
+  return mode == RenderMode::kShaded || mode == RenderMode::kAmbientOcclusion ? Vec3{1, 1, 1}
+                                                                              : Vec3{0, 0, 0};
 }
+
+/// The samples of a request that does not say; nullopt: as many as smooth silhouettes need. An
+/// array has one, and so has a mode whose values are not means (there, one is all that may be asked
+/// for).
+constexpr std::optional<std::int64_t> DefaultSamples(RenderMode mode, ImageForm form) {
+  if (mode == RenderMode::kAmbientOcclusion) return 16;
+  if (mode == RenderMode::kDepth || mode == RenderMode::kTriangle) return 1;
+  return form == ImageForm::kNpy ? std::optional<std::int64_t>(1) : std::nullopt;
+}
+
+/// RenderCounts of core: what a render computed.
+struct RenderCounts {
+  std::uint64_t camera_rays = 0, shadow_rays = 0, occlusion_rays = 0;
+  std::uint64_t normals = 0;  ///< of triangles, computed
+};
 
 /// Row-major [height][width][channels], top row first.
 struct ImageArray {
@@ -272,11 +301,12 @@ struct ImageArray {
 
 struct RenderAnswer {
   Precision precision = Precision::kAuto;
-  double samples = 1;                ///< per pixel, on average
+  std::int64_t samples = 1;          ///< the largest number that a pixel took
   std::optional<double> noise;       ///< largest standard error of a pixel, if estimated
   Stopped stopped = Stopped::kDone;  ///< why sampling ended
   std::variant<std::vector<std::byte>, ImageArray> image;  ///< PNG bytes, or the array for .npy
   double trace_ms = 0, encode_ms = 0;
+  RenderCounts counts;
 };
 
 struct Cell {

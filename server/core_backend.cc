@@ -144,6 +144,10 @@ class CoreLoadedTree final : public LoadedTree {
         [&](const core::TraceOptions& trace, api::RenderAnswer* answer) -> api::Check {
           const auto start = SteadyClock::now();
           core::RenderSpec spec = ToCore(request, trace.precision);
+          if (!request.samples && !png) {
+            const auto samples = api::DefaultSamples(request.mode, api::ImageForm::kNpy);
+            if (samples) spec.samples = static_cast<int>(*samples);
+          }
           spec.max_cells = static_cast<std::size_t>(runner_.limits.max_picture_cells);
           if (spec.budget) spec.budget = std::min(*spec.budget, TimeToTrace(cancel));
           core::Result<core::RenderedImage> image = core::Render(scene_, spec, cancel);
@@ -158,6 +162,7 @@ class CoreLoadedTree final : public LoadedTree {
           answer->samples = image->samples;
           answer->noise = image->noise;
           answer->stopped = ToApi(image->stopped);
+          answer->counts = ToApi(image->counts);
           answer->trace_ms = MillisecondsSince(start);
           if (png) return Encode(*image, cancel, answer);
           answer->image = ToApi(*std::move(image));

@@ -18,6 +18,7 @@ namespace {
 // The contract allows no image that core rejects.
 static_assert(api::kMaxWholeSide == core::RenderSpec::kMaxWholeSide);
 static_assert(api::Limits{}.max_image_side == core::RenderSpec::kMaxSide);
+static_assert(api::kMaxLights == core::RenderSpec::kMaxLights);
 static_assert(api::Limits{}.max_samples <= core::RenderSpec::kMaxSamples);
 
 /// The pairs of enumerators of the contract and of core, by their names. Only the contract's `auto`
@@ -84,6 +85,8 @@ core::RenderMode ToCore(api::RenderMode mode) {
       return core::RenderMode::kNormal;
     case api::RenderMode::kDepth:
       return core::RenderMode::kDepth;
+    case api::RenderMode::kAmbientOcclusion:
+      return core::RenderMode::kAmbientOcclusion;
     case api::RenderMode::kTriangle:
       break;
   }
@@ -238,6 +241,16 @@ std::optional<core::TreeLibrary::Position> ParseCursor(std::string_view cursor) 
   return core::TreeLibrary::Position{*created_ms, *id};
 }
 
+core::Light ToCore(const api::Light& light) {
+  core::Light converted;
+  converted.kind = light.position ? core::LightKind::kPoint : core::LightKind::kDirectional;
+  converted.vector =
+      ToVec(light.position ? *light.position : light.direction.value_or(api::Vec3{}));
+  converted.intensity = light.intensity;
+  converted.color = ToRgb(light.color);
+  return converted;
+}
+
 core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision precision) {
   core::RenderSpec spec;
   spec.width = static_cast<int>(request.width);
@@ -251,7 +264,8 @@ core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision preci
   }
   spec.camera.view_height = request.view_height;
   spec.mode = ToCore(request.mode);
-  spec.samples = static_cast<int>(request.samples);
+  spec.samples = std::nullopt;
+  if (request.samples) spec.samples = static_cast<int>(*request.samples);
   spec.precision = precision;
   spec.color = ToRgb(request.color);
   if (request.background || request.transparent) {
@@ -260,6 +274,12 @@ core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision preci
     background.transparent = request.transparent;
     spec.background = background;
   }
+  if (request.lights) {
+    spec.lights.emplace();
+    for (const api::Light& light : *request.lights) spec.lights->push_back(ToCore(light));
+  }
+  spec.shadows = request.shadows;
+  spec.ao_radius = request.ao_radius;
   if (request.cells_depth) spec.cells_depth = static_cast<std::uint32_t>(*request.cells_depth);
   if (request.region) {
     spec.region =
@@ -283,6 +303,13 @@ api::Stopped ToApi(core::Stopped stopped) {
       break;
   }
   return api::Stopped::kBudget;
+}
+
+api::RenderCounts ToApi(const core::RenderCounts& counts) {
+  return {.camera_rays = counts.camera_rays,
+          .shadow_rays = counts.shadow_rays,
+          .occlusion_rays = counts.occlusion_rays,
+          .normals = counts.normals};
 }
 
 api::ImageArray ToApi(core::RenderedImage image) {

@@ -53,8 +53,10 @@ inline api::RayHit ToApi(const core::Hit& hit) {
   return {hit.t, hit.u, hit.v, hit.IsHit() ? std::int64_t{hit.primitive_id} : -1};
 }
 
+core::Light ToCore(const api::Light& light);
 core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision precision);
 api::Stopped ToApi(core::Stopped stopped);
+api::RenderCounts ToApi(const core::RenderCounts& counts);
 api::ImageArray ToApi(core::RenderedImage image);
 api::Cell ToApi(const core::TreeCell& cell);
 api::Tradeoff ToApi(const core::MeasuredTradeoff& measured);

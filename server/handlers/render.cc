@@ -57,7 +57,7 @@ api::Outcome<HttpResponse> AnswerRender(const HandlerContext& context, RoutedReq
   routed.timing.encode_ms = answer->encode_ms + encoding.ms();
   response.headers.Add("Content-Type", form == ImageForm::kPng ? "image/png" : "application/x-npy");
   response.headers.Add("Kdray-Precision", api::Name(answer->precision));
-  response.headers.Add("Kdray-Samples", api::NumberText(answer->samples));
+  response.headers.Add("Kdray-Samples", std::to_string(answer->samples));
   if (answer->noise) response.headers.Add("Kdray-Noise", api::NumberText(*answer->noise));
   response.headers.Add("Kdray-Stopped", api::Name(answer->stopped));
   return response;

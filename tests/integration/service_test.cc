@@ -208,7 +208,7 @@ TEST_F(ServiceOverHttp, AnswersARenderThatTheClientHasWithoutRendering) {
   const int renders = backend_.renders;
   const std::string condition = "If-None-Match: " + etag + "\r\n";
   const RawAnswer same =
-      running_.Ask("GET", Tree("/render.png?height=5&width=10&samples=1"), "", condition);
+      running_.Ask("GET", Tree("/render.png?height=5&width=10&seed=0"), "", condition);
   EXPECT_EQ(same.status, 304);
   EXPECT_EQ(same.Header("etag"), etag);
   EXPECT_EQ(same.Header("cache-control"), "public, max-age=3600");
@@ -220,7 +220,7 @@ TEST_F(ServiceOverHttp, AnswersARenderThatTheClientHasWithoutRendering) {
 
 TEST_F(ServiceOverHttp, SaysWhatASampledImageReachedAndKeepsNoneThatWasCut) {
   const RawAnswer whole = running_.Ask("GET", Tree("/render.png?max_noise=0.1"));
-  EXPECT_EQ(whole.Header("kdray-samples"), "2.5");
+  EXPECT_EQ(whole.Header("kdray-samples"), "3");
   EXPECT_EQ(whole.Header("kdray-noise"), "0.25");
   EXPECT_EQ(whole.Header("kdray-stopped"), "done");
   EXPECT_EQ(whole.Header("cache-control"), "public, max-age=3600");

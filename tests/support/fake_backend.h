@@ -214,7 +214,7 @@ class FakeBackend final : public server::Backend {
       ++backend_.renders;
       api::RenderAnswer answer;
       answer.precision = api::Precision::kWatertight;
-      answer.samples = 2.5;
+      answer.samples = 3;
       if (request.max_noise) answer.noise = 0.25;
       if (request.budget_ms) answer.stopped = api::Stopped::kBudget;
       if (png) {

@@ -189,6 +189,15 @@ void ExpectKind(const json& schema, const ChoicesKind& kind, std::string_view na
   ExpectKind(At(schema, "items"), ChoiceKind{kind.names}, name);
 }
 
+void ExpectKind(const json& schema, const BooleanKind&, std::string_view name) {
+  EXPECT_EQ(At(schema, "type"), "boolean") << name;
+}
+
+void ExpectKind(const json& schema, const LightsKind& kind, std::string_view name) {
+  EXPECT_EQ(At(schema, "type"), "array") << name;
+  EXPECT_EQ(At(schema, "maxItems"), kind.max) << name;
+}
+
 void ExpectKind(const json& schema, const TextKind&, std::string_view name) {
   EXPECT_EQ(At(schema, "type"), "string") << name;
 }
@@ -236,8 +245,13 @@ void ExpectParameters(const char* path, const char* method, const FieldTable<Req
     names.insert(At(parameter, "name"));
     parameters[At(parameter, "name")] = parameter;
   }
-  ExpectFields(table, names,
-               [&](const std::string& name) { return Resolve(parameters.at(name).at("schema")); });
+  ExpectFields(table, names, [&](const std::string& name) {
+    const json& parameter = parameters.at(name);
+    // A list of objects has no form as a parameter, except as JSON text.
+    return Resolve(parameter.contains("schema")
+                       ? parameter.at("schema")
+                       : parameter.at("content").at("application/json").at("schema"));
+  });
   for (const Field<Request>& field : table.fields) {
     const json& parameter = parameters[std::string(field.name)];
     EXPECT_EQ(parameter.value("required", false), field.required) << field.name;

@@ -92,13 +92,13 @@ const std::vector<FieldCase> kRenderCases = {
      kNotANumber},
     {"mode",
      "shaded",
-     {"shaded", "normal", "depth", "triangle"},
-     {"", "Shaded", "wireframe", "ambient-occlusion", "cost"},
+     {"shaded", "normal", "depth", "triangle", "ambient-occlusion"},
+     {"", "Shaded", "wireframe", "ambient_occlusion", "cost"},
      {"\"depth\""},
      {"\"cost\"", "\"x\""},
      kNotText},
     {"samples",
-     "1",
+     "",
      {"1", "1024"},
      {"0", "1025", "1.5"},
      {"1", "1024"},
@@ -125,6 +125,53 @@ const std::vector<FieldCase> kRenderCases = {
      {"[0,0,0]", "\"transparent\""},
      {"[0,0,2]"},
      {"null", "true", "1", "{}", "[]", "[0,0]", "[0,0,null]"}},
+    {"lights",
+     "",
+     {"[]", R"([{"direction":[0,-1,-1]}])",
+      R"([{"position":[1,2,3],"intensity":0,"color":[1,0.5,0]},{"direction":[0,0,1e-300]}])",
+      R"(+[+{"intensity":+1e+2+,"position":[1,2,3]}+]+)",
+      R"([{"intensity":1E+2,"position":[1,2,3]}])"},
+     {"",
+      "sun",
+      "1,2,3",
+      "{}",
+      "null",
+      "[1]",
+      "[[]]",
+      "[{}]",
+      R"([{"direction":[0,0,0]}])",
+      R"([{"direction":[0,0,1],"position":[0,0,1]}])",
+      R"([{"direction":[0,0,1],"radius":1}])",
+      R"([{"direction":[0,0,1],"intensity":-1}])",
+      R"([{"direction":[0,0,1],"color":[1,1,2]}])",
+      R"([{"direction":[0,0,1],"direction":[0,0,1]}])",
+      R"([{"direction":[0,0,1]}])"
+      "x",
+      R"([{"direction":[0,0,1e999]}])",
+      R"([{"direction":[0,0]}])",
+      R"([{"direction":"0,0,1"}])",
+      R"([{"position":[0,0,+1]}]])",
+      "[[[[[[[[[["},
+     {"[]", R"([{"direction":[0,-1,-1]}])", R"([{"position":[1,2,3],"intensity":0.5}])"},
+     {"[{}]", R"([{"direction":[0,0,0]}])", R"([{"direction":[0,0,1],"position":[0,0,1]}])",
+      R"([{"direction":[0,0,1],"radius":1}])", R"([{"direction":[0,0,1],"intensity":-1}])",
+      R"([{"direction":[0,0,1],"color":[1,1,2]}])"},
+     {"null", "true", "1", "\"[]\"", "{}", "[1]", "[[]]", "[null]", R"([{"direction":[0,0]}])",
+      R"([{"direction":null}])", R"([{"direction":[0,0,1],"intensity":null}])"}},
+    {"shadows",
+     "false",
+     {"true", "false"},
+     {"", "1", "True", "yes"},
+     {"true", "false"},
+     {"\"true\""},
+     {"null", "1", "[]", "{}"}},
+    {"ao_radius",
+     "",
+     {"1e-300", "1e300"},
+     {"", "0", "-1", "inf", "nan"},
+     {"1e-300", "7"},
+     {"0", "-0.0", "-1"},
+     kNotANumber},
     {"cells_depth",
      "",
      {"0", "255"},
@@ -209,15 +256,18 @@ TEST(RenderFields, TakeEveryValueUpToTheirLimits) {
                               : c.name == "height" ? "&width=1&region=0,0,1,1"
                                                    : "";
     const bool ortho = c.name == "view_height";
+    const bool occlusion = c.name == "ao_radius";
     for (const std::string_view text : c.good_text) {
       const auto request =
-          Query(Named(c, text) + small + (ortho ? "&projection=orthographic" : ""));
+          Query(Named(c, text) + small + (ortho ? "&projection=orthographic" : "") +
+                (occlusion ? "&mode=ambient-occlusion" : ""));
       EXPECT_TRUE(request) << Named(c, text) << ": " << request.problem().detail;
     }
     for (const std::string_view json : c.good_json) {
       std::string body = JsonNamed(c, json);
       if (!small.empty()) body.insert(1, "\"region\":[0,0,1,1],");
       if (ortho) body.insert(1, "\"projection\":\"orthographic\",");
+      if (occlusion) body.insert(1, "\"mode\":\"ambient-occlusion\",");
       const auto request = Body(body);
       EXPECT_TRUE(request) << body << ": " << request.problem().detail;
     }
@@ -292,6 +342,17 @@ FieldValue RandomValue(const FieldKind& kind, std::mt19937_64& random) {
   if (const auto* k = std::get_if<ChoiceKind>(&kind)) {
     return integer(0, static_cast<std::int64_t>(k->names.size()) - 1);
   }
+  if (std::holds_alternative<BooleanKind>(kind)) return integer(0, 1) == 1;
+  if (std::holds_alternative<LightsKind>(kind)) {
+    std::vector<Light> lights(static_cast<std::size_t>(integer(0, 3)));
+    for (Light& light : lights) {
+      const Vec3 vector = {number(-1e300, 1e300), number(-1, 1), number(-1, 1)};
+      (integer(0, 1) == 1 ? light.direction : light.position) = vector;
+      if (integer(0, 1) == 1) light.intensity = number(0, 1e300);
+      if (integer(0, 1) == 1) light.color = {number(0, 1), number(0, 1), number(0, 1)};
+    }
+    return lights;
+  }
   return std::vector<std::int64_t>{0, 0, 1, 1};  // the region
 }
 
@@ -310,7 +371,7 @@ struct Belonging {
   std::vector<std::string_view> projections, modes, forms;  ///< empty: all
 };
 
-const std::vector<std::string_view> kSampledModes = {"shaded", "normal"};
+const std::vector<std::string_view> kSampledModes = {"shaded", "normal", "ambient-occlusion"};
 const std::vector<Belonging> kBelongings = {
     {"fov_deg", "50", "40", {"perspective"}, {}, {}},
     {"view_height", "2", "", {"orthographic"}, {}, {}},
@@ -320,6 +381,9 @@ const std::vector<Belonging> kBelongings = {
     {"max_noise", "0.1", "", {}, kSampledModes, {}},
     {"budget_ms", "50", "", {}, kSampledModes, {}},
     {"color", "1,0,0", "0.93,0.88,0.81", {}, {"shaded"}, {}},
+    {"lights", R"([{"direction":[0,0,1]}])", "", {}, {"shaded"}, {}},
+    {"shadows", "true", "false", {}, {"shaded"}, {}},
+    {"ao_radius", "2", "", {}, {"ambient-occlusion"}, {}},
     {"background", "transparent", "", {}, {}, {"render.png"}},
     {"background", "0.5,0.5,0.5", "", {}, {}, {"render.png"}},
 };
@@ -349,7 +413,7 @@ TEST(UnusedFields, AreRefusedByNameUnlessTheyHaveTheirDefault) {
           const auto query = [&](std::string_view value) {
             return DecodeRenderQuery(kind + "&" + name + "=" + std::string(value), form, kLimits);
           };
-          const bool is_list = text.find(',') != std::string::npos;
+          const bool is_list = text.find(',') != std::string::npos && text[0] != '[';
           const std::string value = is_list                 ? "[" + text + "]"
                                     : text == "transparent" ? "\"transparent\""
                                                             : text;
@@ -378,8 +442,8 @@ TEST(UnusedFields, AreRefusedByNameUnlessTheyHaveTheirDefault) {
 }
 
 TEST(UnusedFields, MayHoldTheBackgroundThatTheModeHas) {
-  for (const std::string mode : {"shaded", "normal", "depth", "triangle"}) {
-    const bool white = mode == "shaded";
+  for (const std::string mode : {"shaded", "normal", "depth", "triangle", "ambient-occlusion"}) {
+    const bool white = mode == "shaded" || mode == "ambient-occlusion";
     const auto npy = [&](const char* background) {
       return DecodeRenderQuery("mode=" + mode + "&background=" + background, ImageForm::kNpy,
                                kLimits);
@@ -394,6 +458,35 @@ TEST(UnusedFields, AreKnownFieldsEachOfThem) {
   for (const Belonging& b : kBelongings) EXPECT_NE(FindField(table, b.field), nullptr) << b.field;
 }
 
+TEST(Lights, AreRefusedByPointer) {
+  const auto pointer_in = [](std::string_view lights) {
+    const auto body = Body("{\"lights\":" + std::string(lights) + "}");
+    const auto query = Query("lights=" + std::string(lights));
+    EXPECT_EQ(query.problem().code, ErrorCode::kInvalidParameter);
+    EXPECT_EQ(query.problem().parameter, "lights");
+    EXPECT_THAT(query.problem().detail, HasSubstr(*body.problem().parameter));
+    EXPECT_THAT(body.problem().detail, HasSubstr(*body.problem().parameter));
+    return *body.problem().parameter;
+  };
+  EXPECT_EQ(pointer_in(R"([{"direction":[0,0,0]}])"), "/lights/0/direction");
+  EXPECT_EQ(pointer_in(R"([{"direction":[0,0,1]},{"position":[0,0]}])"), "/lights/1/position");
+  EXPECT_EQ(pointer_in(R"([{"position":[0,0,"1"]}])"), "/lights/0/position/2");
+  EXPECT_EQ(pointer_in(R"([{"position":[0,0,1],"intensity":-1}])"), "/lights/0/intensity");
+  EXPECT_EQ(pointer_in(R"([{"position":[0,0,1],"colour":[0,0,1]}])"), "/lights/0/colour");
+  EXPECT_EQ(pointer_in(R"([{"intensity":1}])"), "/lights/0");
+  EXPECT_EQ(pointer_in("[7]"), "/lights/0");
+}
+
+TEST(Lights, AreAtMostSixtyFour) {
+  std::string lights = R"([{"direction":[0,0,1]})";
+  for (std::size_t i = 1; i < kMaxLights; ++i) lights += R"(,{"direction":[0,0,1]})";
+  EXPECT_TRUE(Query("lights=" + lights + "]"));
+  EXPECT_TRUE(Body("{\"lights\":" + lights + "]}"));
+  lights += R"(,{"direction":[0,0,1]}])";
+  EXPECT_EQ(Query("lights=" + lights).problem().limit, 64);
+  EXPECT_EQ(Body("{\"lights\":" + lights + "}").problem().actual, 65);
+}
+
 TEST(RenderRequests, MeanTheSameAsParametersInAnyOrderAndInJson) {
   auto random = test::RandomEngine(1101);
   const FieldTable<RenderRequest> table = RenderFields(kLimits);
@@ -405,7 +498,7 @@ TEST(RenderRequests, MeanTheSameAsParametersInAnyOrderAndInJson) {
       if (random() % 2 || !IsUsed(field.name, request)) continue;
       // Refused together with samples.
       const bool decides = field.name == "budget_ms" || field.name == "max_noise";
-      if (decides && request.samples > 1) continue;
+      if (decides && request.samples.value_or(1) > 1) continue;
       // Whole images of random sides would mostly be too large.
       const bool side = field.name == "width" || field.name == "height";
       const FieldKind kind = side ? IntegerKind{1, 4096} : field.kind;

@@ -40,8 +40,9 @@ TEST(RenderRequests, RefuseUnknownFieldsAndSayWhatThereIs) {
 }
 
 TEST(RenderRequests, RefuseAnUnknownModeByNamingTheModesThereAre) {
-  EXPECT_THAT(Query("mode=cost").problem().detail,
-              HasSubstr("must be one of shaded, normal, depth, triangle, not 'cost'"));
+  EXPECT_THAT(
+      Query("mode=cost").problem().detail,
+      HasSubstr("must be one of shaded, normal, depth, triangle, ambient-occlusion, not 'cost'"));
 }
 
 TEST(RenderRequests, LetSamplesOrThePixelsDecide) {

@@ -235,6 +235,13 @@ TEST(Mapping, ARenderRequestKeepsItsFields) {
   request.cells_depth = 3;
   request.region = api::Region{1, 2, 3, 4};
   request.seed = 99;
+  request.lights.emplace(2);
+  request.lights->at(0).direction = api::Vec3{1, 2, 3};
+  request.lights->at(0).intensity = 4;
+  request.lights->at(0).color = {1, 0.5, 0};
+  request.lights->at(1).position = api::Vec3{5, 6, 7};
+  request.shadows = true;
+  request.ao_radius = 8;
   core::RenderSpec spec = ToCore(request, core::Precision::kDouble);
   EXPECT_EQ(spec.width, 12);
   EXPECT_EQ(spec.height, 34);
@@ -252,6 +259,15 @@ TEST(Mapping, ARenderRequestKeepsItsFields) {
   EXPECT_EQ(spec.cells_depth, 3u);
   EXPECT_EQ(spec.region, (core::Region{1, 2, 3, 4}));
   EXPECT_EQ(spec.seed, 99u);
+  ASSERT_EQ(spec.lights->size(), 2u);
+  EXPECT_EQ(spec.lights->at(0).kind, core::LightKind::kDirectional);
+  EXPECT_EQ(spec.lights->at(0).vector, (core::Vec3d{1, 2, 3}));
+  EXPECT_EQ(spec.lights->at(0).intensity, 4);
+  EXPECT_EQ(spec.lights->at(0).color, (core::Rgb{1, 0.5f, 0}));
+  EXPECT_EQ(spec.lights->at(1).kind, core::LightKind::kPoint);
+  EXPECT_EQ(spec.lights->at(1).vector, (core::Vec3d{5, 6, 7}));
+  EXPECT_TRUE(spec.shadows);
+  EXPECT_EQ(spec.ao_radius, 8);
 
   request.projection = api::Projection::kOrthographic;
   request.view_height = 7;
@@ -266,7 +282,10 @@ TEST(Mapping, TheDefaultsOfTheContractAreThoseOfCore) {
   const core::RenderSpec core_spec;
   EXPECT_EQ(spec.width, core_spec.width);
   EXPECT_EQ(spec.height, core_spec.height);
-  EXPECT_EQ(spec.samples, core_spec.samples);
+  EXPECT_EQ(spec.samples, std::nullopt);
+  EXPECT_EQ(spec.lights, std::nullopt);
+  EXPECT_EQ(spec.shadows, core_spec.shadows);
+  EXPECT_EQ(spec.ao_radius, core_spec.ao_radius);
   EXPECT_EQ(spec.max_samples, core_spec.max_samples);
   EXPECT_EQ(spec.color, core_spec.color);
   EXPECT_EQ(spec.seed, core_spec.seed);
