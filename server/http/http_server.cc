@@ -297,6 +297,7 @@ class HttpServer::Impl final : public httplib::Server {
 
   /// Serves one connection to its end.
   void Serve(int fd, ConnectionPool::Slot& slot) noexcept {
+    handler_.ConnectionOpened();
     try {
       Connection connection(fd);
       Responder responder(connection, slot, handler_);
@@ -309,6 +310,7 @@ class HttpServer::Impl final : public httplib::Server {
     } catch (...) {
       // Out of memory outside a request: only the connection is lost.
     }
+    handler_.ConnectionClosed();
   }
 
   /// False if the connection must be closed.
@@ -321,8 +323,8 @@ class HttpServer::Impl final : public httplib::Server {
                                .detail = "the server is at its limit of connections",
                                .limit = static_cast<double>(options_.max_connections)}});
     } else {
-      if (connection.WaitForByte(wait) != Connection::Read::kDone ||
-          !slot.BecomeBusy() || !ReadHead(connection, exchange)) {
+      if (connection.WaitForByte(wait) != Connection::Read::kDone || !slot.BecomeBusy() ||
+          !ReadHead(connection, exchange)) {
         return false;
       }
     }
@@ -353,9 +355,12 @@ class HttpServer::Impl final : public httplib::Server {
                          Problem{.code = ErrorCode::kRequestTimeout,
                                  .detail = "the head of the request was not complete in time"}});
         return true;
-      case Connection::Read::kTooLarge:
-        exchange.Refuse({{}, TooLarge(connection.head())});
+      case Connection::Read::kTooLarge: {
+        RefusedHead refused{{}, TooLarge(connection.head())};
+        refused.known.headers = FindOrigin(connection.head());
+        exchange.Refuse(std::move(refused));
         return true;
+      }
       default:
         return false;
     }

@@ -101,6 +101,7 @@ struct HttpResponse {
   HttpBody body;
   std::string error_code;  ///< wire name of the problem, for the log; empty for a success
   std::string cause;       ///< for the log, not sent
+  std::string_view route;  ///< the template of the path whose handler answered; static, or empty
   bool close = false;      ///< end the connection after this answer
 };
 
@@ -110,6 +111,7 @@ constexpr int kClientGone = 499;
 /// One answered request, for the log.
 struct HttpRecord {
   std::string method, path, remote_addr, request_id, error_code, cause;
+  std::string_view route;  ///< as in HttpResponse
   int status = 0;
   std::uint64_t bytes_in = 0;   ///< of the body
   std::uint64_t bytes_out = 0;  ///< head included
@@ -125,6 +127,9 @@ class HttpHandler {
   /// The answer to an invalid request; `request` has the parts that are known.
   virtual HttpResponse Refuse(const HttpRequest& request, const api::Problem& problem) = 0;
   virtual void Answered(const HttpRecord& record) noexcept = 0;
+  /// A connection was accepted, and one was closed.
+  virtual void ConnectionOpened() noexcept {}
+  virtual void ConnectionClosed() noexcept {}
 };
 
 }  // namespace kdray::server

@@ -215,9 +215,25 @@ std::variant<RequestHead, RefusedHead> ParseRequestHead(std::string_view text,
                                                         const HeadLimits& limits) {
   HeadParser parser(text, limits);
   if (auto problem = parser.Parse()) {
-    return RefusedHead{std::move(parser.head()), *std::move(problem)};
+    RequestHead& known = parser.head();
+    if (known.headers.fields().empty()) known.headers = FindOrigin(text);
+    return RefusedHead{std::move(known), *std::move(problem)};
   }
   return std::move(parser.head());
+}
+
+HttpHeaders FindOrigin(std::string_view text) {
+  constexpr std::string_view kName = "origin:";
+  HttpHeaders headers;
+  for (auto feed = text.find('\n'); feed != std::string_view::npos; feed = text.find('\n')) {
+    text.remove_prefix(feed + 1);
+    if (!EqualsIgnoringCase(text.substr(0, kName.size()), kName)) continue;
+    const auto end = text.find('\r');
+    if (end == std::string_view::npos) break;
+    const std::string_view value = Trim(text.substr(kName.size(), end - kName.size()));
+    if (std::all_of(value.begin(), value.end(), IsFieldValueChar)) headers.Add("Origin", value);
+  }
+  return headers;
 }
 
 bool IsFieldValueChar(char c) {

@@ -43,6 +43,10 @@ struct RefusedHead {
 std::variant<RequestHead, RefusedHead> ParseRequestHead(std::string_view text,
                                                         const HeadLimits& limits);
 
+/// The header Origin alone, found in the lines of `text`, which may be anything; empty without one.
+/// A refusal for a page of another origin needs it.
+HttpHeaders FindOrigin(std::string_view text);
+
 /// RFC 9110, 5.5: a character that header values may have. No control character except the tab.
 bool IsFieldValueChar(char c);
 /// Whether the line, without its CR LF, is a name, a colon and a value (RFC 9112, 5).

@@ -109,6 +109,20 @@ TEST(RequestHead, RefusesChunksWhereTheLengthIsUncertain) {
             ErrorCode::kMalformedRequest);
 }
 
+TEST(RequestHead, FindsTheOriginOfARefusedRequest) {
+  for (const std::string& head :
+       {"GET /" + std::string(9000, 'a') + " HTTP/1.1\r\nHost: h\r\norigin: https://a\r\n\r\n",
+        std::string("nonsense\r\nOrigin:https://a\r\n\r\n"),
+        std::string("GET / HTTP/1.1\nX: Origin: no\nOrigin: https://a\r\n\n")}) {
+    const auto parsed = ParseRequestHead(head, {});
+    const auto* refused = std::get_if<RefusedHead>(&parsed);
+    ASSERT_NE(refused, nullptr);
+    EXPECT_EQ(refused->known.headers.Find("Origin"), "https://a") << head;
+  }
+  EXPECT_TRUE(FindOrigin("GET / HTTP/1.1\r\nOrigin: cut").fields().empty());
+  EXPECT_TRUE(FindOrigin("Origin: in the first line\r\n").fields().empty());
+}
+
 TEST(RequestHead, RefusesABodyWhereNoneBelongs) {
   for (const char* method : {"GET", "HEAD", "DELETE", "OPTIONS", "TRACE", "BREW"}) {
     EXPECT_EQ(Refusal(WithLines("Content-Length: 1\r\n", method)), ErrorCode::kMalformedRequest)
