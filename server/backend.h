@@ -73,6 +73,23 @@ enum class TreeUse : std::uint8_t {
   kCells,  ///< lists of cells, and renders that show them
 };
 
+/// Counts of the backend's work since its start, and of what it holds. For metrics and tests.
+struct BackendCounters {
+  std::uint64_t parses = 0;             ///< mesh files read
+  std::uint64_t builds = 0;             ///< trees built, rebuilt ones included
+  std::uint64_t loads = 0;              ///< trees read from disk instead of built
+  std::uint64_t cache_hits = 0;         ///< trees that requests found in memory
+  std::uint64_t rebuilds = 0;           ///< builds of trees that were ready before
+  std::uint64_t damaged_files = 0;      ///< stored files that failed their check
+  std::uint64_t evictions = 0;          ///< meshes and trees dropped from memory
+  std::uint64_t memory_bytes = 0;       ///< reserved now, of memory_limit_bytes
+  std::uint64_t store_bytes = 0;        ///< on disk now
+  std::uint64_t trees = 0;              ///< current ids
+  std::uint64_t unrecorded_meshes = 0;  ///< on disk without a tree, kept until uploaded again
+  std::uint64_t unreadable_meshes = 0;  ///< meshes of trees, damaged or missing and not repaired
+  std::uint64_t binary_rebuilds = 0;    ///< binary trees rebuilt for cells
+};
+
 /// Every method is safe from many threads at once and may block the calling thread; none throws on
 /// purpose. Methods that take an id return tree_not_found for an unknown id, and for 10 minutes the
 /// problem of a failed build (invalid_mesh, empty_mesh, …).
@@ -119,6 +136,8 @@ class Backend {
                                                       const CancelToken& cancel) = 0;
   /// Stops a measurement and deletes the result: not_measured if there is neither.
   virtual api::Check ForgetTradeoff(std::string_view id) = 0;
+
+  virtual BackendCounters counters() const = 0;
 
   /// Stops builds and waits for them; they resume at the next start. Running queries finish.
   virtual void Shutdown() = 0;

@@ -170,6 +170,15 @@ std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv) 
                      "queries and renders that wait for their turn");
   options.AddText("--token-file", token_file,
                   "file of the tokens that clients must send, one per line", "FILE");
+  options.Add("--allow-origin",
+              "origins whose pages in browsers may use this server, as https://example.org, or * "
+              "for all (default: none)",
+              "ORIGIN,...", [&config](const std::string& text) -> std::string {
+                auto parsed = CorsPolicy::Parse(text);
+                if (auto* problem = std::get_if<std::string>(&parsed)) return *std::move(problem);
+                config.cors = std::get<CorsPolicy>(std::move(parsed));
+                return {};
+              });
   options.AddInteger("--drain-timeout-ms", config.drain_timeout_ms, 0, 3'600'000,
                      "time for running requests to finish after SIGTERM");
 

@@ -9,6 +9,7 @@
 #include <variant>
 
 #include "api/limits.h"
+#include "server/cors.h"
 
 namespace kdray::server {
 
@@ -24,6 +25,7 @@ struct Config {
   std::size_t max_running = 2;  ///< default: threads, at least 2
   std::size_t max_queued = 128;
   std::filesystem::path token_file;  ///< empty: no tokens
+  CorsPolicy cors;                   ///< default: pages of other origins read nothing
   std::int64_t drain_timeout_ms = 25000;
 
   /// Meshes, trees and builds get three quarters of the memory, running requests the rest.

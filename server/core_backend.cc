@@ -222,7 +222,7 @@ class CoreLoadedTree final : public LoadedTree {
   const core::Scene scene_;
 };
 
-class LibraryBackend final : public CoreBackend {
+class LibraryBackend final : public Backend {
  public:
   LibraryBackend(const CoreBackendOptions& options, std::unique_ptr<core::TreeLibrary> library)
       : runner_{options.limits, core::Arena(options.threads)}, library_(std::move(library)) {}
@@ -356,6 +356,7 @@ class LibraryBackend final : public CoreBackend {
     return {c.parses,
             c.builds,
             c.loads,
+            c.cache_hits,
             c.rebuilds,
             c.damaged_files,
             c.evictions,
@@ -374,7 +375,7 @@ class LibraryBackend final : public CoreBackend {
 
 }  // namespace
 
-core::Result<std::unique_ptr<CoreBackend>> MakeCoreBackend(CoreBackendOptions options) {
+core::Result<std::unique_ptr<Backend>> MakeCoreBackend(CoreBackendOptions options) {
   if (options.threads < 1) {
     return core::Error{core::ErrorCode::kInvalidArgument, "threads must be at least 1"};
   }
@@ -386,8 +387,7 @@ core::Result<std::unique_ptr<CoreBackend>> MakeCoreBackend(CoreBackendOptions op
   library_options.store_limit_bytes = options.store_limit_bytes;
   auto library = core::TreeLibrary::Open(library_options);
   if (!library.ok()) return std::move(library).error();
-  return std::unique_ptr<CoreBackend>(
-      std::make_unique<LibraryBackend>(options, *std::move(library)));
+  return std::unique_ptr<Backend>(std::make_unique<LibraryBackend>(options, *std::move(library)));
 }
 
 }  // namespace kdray::server

@@ -31,6 +31,7 @@ libzstd-dev
 ninja-build
 nlohmann-json3-dev
 pkg-config
+prometheus-cpp-dev
 python3
 python3-yaml
 zlib1g-dev
@@ -57,6 +58,7 @@ END
       cat <<'END'
 libdeflate0
 libgmp10
+libprometheus-cpp-core1.0
 libtbb12
 libzstd1
 zlib1g
@@ -64,7 +66,9 @@ END
       ;;
     bench) cat <<'END' ;;
 libembree-dev
+nginx-light
 python3-matplotlib
+wrk
 END
     lint) cat <<'END' ;;
 clang-format

@@ -11,6 +11,8 @@
 #include "server/admission.h"
 #include "server/backend.h"
 #include "server/http/message.h"
+#include "server/log.h"
+#include "server/metrics.h"
 #include "server/request_memory.h"
 
 namespace kdray::server {
@@ -41,6 +43,8 @@ struct HandlerContext {
   const api::Limits& limits;
   Admission& admission;
   RequestMemory& memory;
+  Metrics& metrics;
+  const Log& log;
   const std::atomic<bool>& draining;  ///< the daemon is shutting down
   bool with_tokens = false;  ///< answers are for one client: shared caches must not keep them
 };
@@ -50,6 +54,7 @@ struct RoutedRequest {
   const HttpRequest& http;
   std::string_view path_parameter;  ///< the segment of the path where the route has {…}
   ServerTiming timing;
+  std::uint64_t rows = 0;  ///< that a query answered
 };
 
 using Handler = api::Outcome<HttpResponse> (*)(const HandlerContext&, RoutedRequest&);

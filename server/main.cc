@@ -100,7 +100,8 @@ int Run(const Config& config) {
                    .max_running = config.max_running,
                    .max_queued = config.max_queued,
                    .request_memory_bytes = config.RequestMemoryBytes(),
-                   .tokens = *std::move(tokens)},
+                   .tokens = *std::move(tokens),
+                   .cors = config.cors},
                   **backend, log);
   HttpServerOptions http;
   http.host = config.host;

@@ -17,6 +17,7 @@ namespace {
 constexpr std::array kContract = {
     Route{.path = "/healthz", .get = GetHealth, .open = true},
     Route{.path = "/readyz", .get = GetReadiness, .open = true},
+    Route{.path = "/metrics", .get = GetMetrics},
     Route{.path = "/openapi.json", .get = GetOpenApi},
     Route{.path = "/docs", .get = GetDocs},
     Route{.path = "/problems/{code}", .get = GetProblemPage},
@@ -72,7 +73,7 @@ std::span<const Route> Routes() {
   static const std::vector<Route> routes = [] {
     std::vector<Route> all(kContract.begin(), kContract.end());
     for (const ViewerFile& file : ViewerFiles()) {
-      all.push_back(Route{.path = file.path, .get = GetViewerFile, .open = true});
+      all.push_back(Route{.path = file.path, .get = GetViewerFile, .open = true, .label = "/"});
     }
     return all;
   }();

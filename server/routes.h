@@ -16,8 +16,12 @@ struct Route {
   Handler get = nullptr;  ///< also for HEAD
   Handler post = nullptr;
   Handler del = nullptr;
-  bool open = false;           ///< needs no token, and is answered during shutdown
-  bool takes_codings = false;  ///< the body of POST may have a Content-Encoding
+  bool open = false;            ///< needs no token, and is answered during shutdown
+  bool takes_codings = false;   ///< the body of POST may have a Content-Encoding
+  std::string_view label = {};  ///< in metrics, if several paths have one
+
+  /// The route's name in metrics.
+  std::string_view Label() const { return label.empty() ? path : label; }
 };
 
 /// The paths of the contract, and of the viewer page.

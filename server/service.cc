@@ -87,18 +87,28 @@ Service::Service(ServiceOptions options, Backend& backend, const Log& log)
       log_(log),
       admission_(options_.max_running, options_.max_queued),
       memory_(options_.request_memory_bytes),
+      metrics_(options_.routes),
       context_{.backend = backend,
                .limits = options_.limits,
                .admission = admission_,
                .memory = memory_,
+               .metrics = metrics_,
+               .log = log_,
                .draining = draining_,
                .with_tokens = options_.tokens.has_value()} {}
 
 HttpResponse Service::Handle(const HttpRequest& request) {
   const std::string request_id = RequestIdOf(request);
   ServerTiming timing;
+  // Before the token: a browser sends none with it.
+  if (auto preflight = options_.cors.AnswerPreflight(request)) {
+    AddCommonHeaders(*preflight, request_id, timing);
+    options_.cors.AddHeaders(request, *preflight);
+    return *std::move(preflight);
+  }
+  std::string_view route;
   const RouteMatch match = FindRoute(options_.routes, request.method, request.path);
-  auto answer = Answer(request, match, timing);
+  auto answer = Answer(request, match, timing, route);
   HttpResponse response = answer ? *std::move(answer) : ProblemAnswer(answer.problem(), request_id);
   if (!answer && answer.problem().code == ErrorCode::kDraining && !draining_) {
     // Work was cancelled, and this server goes on. No client is told to come back later for that.
@@ -109,12 +119,14 @@ HttpResponse Service::Handle(const HttpRequest& request) {
   if (!answer && answer.problem().code == ErrorCode::kMethodNotAllowed) {
     response.headers.Add("Allow", Allow(*match.route));
   }
+  response.route = route;
   AddCommonHeaders(response, request_id, timing);
+  options_.cors.AddHeaders(request, response);
   return response;
 }
 
 api::Outcome<HttpResponse> Service::Answer(const HttpRequest& request, const RouteMatch& match,
-                                           ServerTiming& timing) const {
+                                           ServerTiming& timing, std::string_view& route) {
   const bool open = match.route != nullptr && match.route->open;
   if (!open && !IsAllowed(request)) {
     return Problem{.code = ErrorCode::kUnauthorized,
@@ -132,9 +144,15 @@ api::Outcome<HttpResponse> Service::Answer(const HttpRequest& request, const Rou
     return Problem{.code = ErrorCode::kDraining, .detail = "this server is shutting down"};
   }
   if (auto problem = CheckContentEncoding(request, match)) return *std::move(problem);
+  route = match.route->Label();
   RoutedRequest routed{.http = request, .path_parameter = match.path_parameter, .timing = {}};
   auto answer = match.handler(context_, routed);
   timing = routed.timing;
+  if (routed.rows > 0 && answer) {
+    metrics_.CountRows(match.route->path,
+                       answer->headers.Find("Kdray-Precision").value_or(std::string_view()),
+                       routed.rows);
+  }
   return answer;
 }
 
@@ -149,11 +167,13 @@ HttpResponse Service::Refuse(const HttpRequest& request, const Problem& problem)
   const std::string request_id = RequestIdOf(request);
   HttpResponse response = ProblemAnswer(problem, request_id);
   AddCommonHeaders(response, request_id, {});
+  options_.cors.AddHeaders(request, response);
   return response;
 }
 
 void Service::Answered(const HttpRecord& record) noexcept {
   if (record.status == kClientGone) ++clients_gone_;
+  metrics_.Answered(record);
   const LogLevel level = record.status < 500    ? LogLevel::kInfo
                          : record.status == 503 ? LogLevel::kWarning
                                                 : LogLevel::kError;

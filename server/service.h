@@ -12,8 +12,10 @@
 #include "server/admission.h"
 #include "server/backend.h"
 #include "server/bearer_tokens.h"
+#include "server/cors.h"
 #include "server/http/message.h"
 #include "server/log.h"
+#include "server/metrics.h"
 #include "server/request_memory.h"
 #include "server/routes.h"
 
@@ -26,6 +28,7 @@ struct ServiceOptions {
   std::uint64_t request_memory_bytes = std::uint64_t{1}
                                        << 30;  ///< for bodies, rows and images of running requests
   std::optional<BearerTokens> tokens;          ///< nullopt: no token is needed
+  CorsPolicy cors;
   std::span<const Route> routes = Routes();
 };
 
@@ -37,6 +40,8 @@ class Service final : public HttpHandler {
   HttpResponse Handle(const HttpRequest& request) override;
   HttpResponse Refuse(const HttpRequest& request, const api::Problem& problem) override;
   void Answered(const HttpRecord& record) noexcept override;
+  void ConnectionOpened() noexcept override { metrics_.ConnectionOpened(); }
+  void ConnectionClosed() noexcept override { metrics_.ConnectionClosed(); }
 
   /// The number of requests whose client left before the answer.
   std::uint64_t clients_gone() const { return clients_gone_; }
@@ -50,7 +55,7 @@ class Service final : public HttpHandler {
 
  private:
   api::Outcome<HttpResponse> Answer(const HttpRequest& request, const RouteMatch& match,
-                                    ServerTiming& timing) const;
+                                    ServerTiming& timing, std::string_view& route);
   bool IsAllowed(const HttpRequest& request) const;
 
   const ServiceOptions options_;
@@ -59,6 +64,7 @@ class Service final : public HttpHandler {
   std::atomic<std::uint64_t> clients_gone_{0};
   Admission admission_;
   RequestMemory memory_;
+  Metrics metrics_;
   const HandlerContext context_;
 };
 

@@ -22,6 +22,7 @@ LIBRARIES = {
     "nlohmann-json": r"nlohmann/",
     "cpp-httplib": r"httplib",
     "CLI11": r"CLI/",
+    "prometheus-cpp": r"prometheus/",
     "spdlog": r"spdlog/",
     "an oracle of tests": r"embree|CGAL/|gtest/|gmock/",
 }

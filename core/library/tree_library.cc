@@ -85,7 +85,10 @@ Result<Scene> TreeLibrary::Load(const TreeId& id, const CancelToken& cancel) {
   const Result<std::optional<BuildKind>> build = registry_.ReadyBuild(id);
   if (!build.ok()) return build.error();
   if (*build) {
-    if (std::optional<Scene> scene = FindInMemory(id.mesh, **build)) return *std::move(scene);
+    if (std::optional<Scene> scene = FindInMemory(id.mesh, **build)) {
+      cache_hits_.fetch_add(1, std::memory_order_relaxed);
+      return *std::move(scene);
+    }
   }
   const Result<std::shared_ptr<TreeTask>> asked = registry_.Ask(id, TreeRegistry::Need::kInMemory);
   if (!asked.ok()) return asked.error();
@@ -156,6 +159,7 @@ LibraryCounters TreeLibrary::counters() const {
   counters.parses = loader_.parses();
   counters.builds = loader_.builds();
   counters.loads = loader_.loads();
+  counters.cache_hits = cache_hits_;
   counters.binary_rebuilds = binary_rebuilder_.rebuilds();
   counters.damaged_files = store_->damaged_files();
   counters.evictions = cache_.evictions();

@@ -4,6 +4,7 @@
 // binary_rebuilder.h and measurer.h.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -46,6 +47,7 @@ struct LibraryOptions {
 
 struct LibraryCounters {
   std::uint64_t parses = 0, builds = 0, loads = 0, rebuilds = 0;
+  std::uint64_t cache_hits = 0;       ///< calls of Load that found the scene in memory
   std::uint64_t binary_rebuilds = 0;  ///< BinaryRebuilder
   std::uint64_t damaged_files = 0, evictions = 0;
   std::uint64_t memory_bytes = 0, store_bytes = 0, trees = 0;
@@ -65,10 +67,9 @@ class TreeLibrary {
   ~TreeLibrary();
 
   using Upload = MeshUpload;
-  /// `bytes` is the declared size, or less if it is not known. It reserves no memory, and no file is
-  /// evicted for it.
-  /// kMeshTooLarge if such a mesh exceeds a limit; kMemoryFull if running builds leave no memory
-  /// for it now; kStoreFull if the disk has no room.
+  /// `bytes` is the declared size, or less if it is not known. It reserves no memory, and no file
+  /// is evicted for it. kMeshTooLarge if such a mesh exceeds a limit; kMemoryFull if running builds
+  /// leave no memory for it now; kStoreFull if the disk has no room.
   Result<Upload> BeginUpload(std::uint64_t bytes);
 
   using Added = MeshIntake::Added;
@@ -138,6 +139,7 @@ class TreeLibrary {
   std::unique_ptr<SceneStore> store_;
   MemoryBudget budget_;
   TreeCache cache_;
+  std::atomic<std::uint64_t> cache_hits_{0};
   Arena arena_;
   MeshLocks mesh_locks_;
   TreeRegistry registry_;

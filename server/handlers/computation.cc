@@ -40,6 +40,7 @@ api::Outcome<Computation> BeginComputation(const HandlerContext& context, Routed
   auto turn = context.admission.Enter(cancel);
   if (!turn) return limit.Explain(std::move(turn).problem());
   routed.timing.queue_ms = turn->waited_ms();
+  context.metrics.GotTurn(turn->waited_ms());
   return Computation{std::move(cancel), std::move(watch), *std::move(tree), *std::move(turn)};
 }
 

@@ -68,6 +68,19 @@ api::Outcome<HttpResponse> GetReadiness(const HandlerContext& context, RoutedReq
   return response;
 }
 
+api::Outcome<HttpResponse> GetMetrics(const HandlerContext& context, RoutedRequest& routed) {
+  if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
+  HttpResponse response;
+  response.body = context.metrics.Text({.backend = context.backend.counters(),
+                                        .running = context.admission.running(),
+                                        .queued = context.admission.queued(),
+                                        .request_memory_bytes = context.memory.used(),
+                                        .dropped_log_lines = context.log.dropped()});
+  response.headers.Add("Content-Type", Metrics::kContentType);
+  SetCaching(response, context, Caching::kNever);
+  return response;
+}
+
 api::Outcome<HttpResponse> GetCapabilities(const HandlerContext& context, RoutedRequest& routed) {
   if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
   HttpResponse response = JsonAnswer(200, api::EncodeCapabilities(KDRAY_VERSION, context.limits));

@@ -8,6 +8,7 @@ namespace kdray::server {
 api::Outcome<HttpResponse> GetViewerFile(const HandlerContext& context, RoutedRequest& routed);
 api::Outcome<HttpResponse> GetHealth(const HandlerContext& context, RoutedRequest& routed);
 api::Outcome<HttpResponse> GetReadiness(const HandlerContext& context, RoutedRequest& routed);
+api::Outcome<HttpResponse> GetMetrics(const HandlerContext& context, RoutedRequest& routed);
 api::Outcome<HttpResponse> GetCapabilities(const HandlerContext& context, RoutedRequest& routed);
 api::Outcome<HttpResponse> GetOpenApi(const HandlerContext& context, RoutedRequest& routed);
 api::Outcome<HttpResponse> GetDocs(const HandlerContext& context, RoutedRequest& routed);

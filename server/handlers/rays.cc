@@ -44,6 +44,7 @@ api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequ
   const auto answer = trace(*computation->tree, *rays, computation->cancel);
   if (!answer) return limit.Explain(answer.problem());
   routed.timing.trace_ms = answer->trace_ms;
+  routed.rows = rays->size();
 
   const Stopwatch encoding;
   std::string bytes = encode(*answer, *rays, *answer_type, should_stop);

@@ -76,6 +76,7 @@ HttpRecord Exchange::Record(Clock::time_point start) const {
   record.request_id = response_.headers.Find("X-Request-Id").value_or("");
   record.error_code = response_.error_code;
   record.cause = response_.cause;
+  record.route = response_.route;
   record.status = response_.status;
   record.bytes_in = refusal_ ? 0 : connection_.body_bytes();
   record.bytes_out = connection_.written();

@@ -168,7 +168,7 @@ class Walk(ContractTest):
         self.walk("/v1/trees/{id}/tradeoff", "get", [
             (202, at + "/tradeoff"), (400, at + "/tradeoff?wait=0"), (404, small + "/tradeoff", None, {}, self.narrow)])
 
-        for path in ("/v1", "/healthz", "/readyz", "/openapi.json", "/docs"):
+        for path in ("/v1", "/healthz", "/readyz", "/metrics", "/openapi.json", "/docs"):
             self.walk(path, "get", [(200, path), (400, path + "?x=1"), (415, path, None, {"Content-Encoding": "gzip"})])
         page = self.get("/")
         self.walk("/", "get", [(200, "/"), (304, "/", None, {"If-None-Match": page.headers["etag"]}),

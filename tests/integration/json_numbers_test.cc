@@ -45,7 +45,7 @@ class N24JsonNumbers : public testing::Test {
   }
 
   test::TemporaryFolder folder_;
-  std::unique_ptr<CoreBackend> backend_;
+  std::unique_ptr<Backend> backend_;
   std::unique_ptr<RunningService> running_;
   std::string path_;
 };

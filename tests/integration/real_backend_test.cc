@@ -67,7 +67,7 @@ class RealBackend : public testing::Test {
   }
 
   test::TemporaryFolder folder_;
-  std::unique_ptr<CoreBackend> backend_;
+  std::unique_ptr<Backend> backend_;
   std::unique_ptr<RunningService> running_;
 };
 

@@ -20,6 +20,7 @@ TEST_F(ServiceOverHttp, RefusesUnknownParametersEverywhere) {
        std::vector<std::pair<std::string, std::string>>{{"GET", "/v1"},
                                                         {"GET", "/healthz"},
                                                         {"GET", "/readyz"},
+                                                        {"GET", "/metrics"},
                                                         {"GET", "/openapi.json"},
                                                         {"GET", "/docs"},
                                                         {"GET", "/problems/internal"},

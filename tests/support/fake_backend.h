@@ -143,6 +143,8 @@ class FakeBackend final : public server::Backend {
     return std::nullopt;
   }
 
+  server::BackendCounters counters() const override { return {.builds = 7}; }
+
   void Shutdown() override { was_shut_down = true; }
 
  private:

@@ -121,6 +121,17 @@ TEST(Config, RefusesAWrongValueInTheEnvironmentAsOnTheCommandLine) {
   }
 }
 
+TEST(Config, TakesOriginsAndSaysWhatIsNone) {
+  EXPECT_FALSE(Accepted({}).cors.is_enabled());
+  EXPECT_TRUE(Accepted({"--allow-origin", "*"}).cors.is_enabled());
+  EXPECT_TRUE(Accepted({"--allow-origin", "https://a.example,http://b:81"}).cors.is_enabled());
+  const Environment variable("KDRAY_ALLOW_ORIGIN", "https://a.example/path");
+  EXPECT_EQ(Stopped({}).code, 2);
+  const ConfigExit stopped = Stopped({"--allow-origin", "https://a.example,b"});
+  EXPECT_EQ(stopped.code, 2);
+  EXPECT_NE(stopped.output.find("'b' is not an origin"), std::string::npos) << stopped.output;
+}
+
 TEST(Config, EndsWithTwoForWrongOptions) {
   for (const auto& arguments :
        std::vector<std::vector<const char*>>{{"--no-such-option"},

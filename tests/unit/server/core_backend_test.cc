@@ -99,7 +99,7 @@ class CoreBackendTest : public testing::Test {
 
   test::SimulatedDisk disk_;
   CoreBackendOptions options_;
-  std::unique_ptr<CoreBackend> backend_;
+  std::unique_ptr<Backend> backend_;
 };
 
 core::MeshData Sphere() { return test::BumpySphere({1, 2, 3}, 2, 12, 24, 0.2); }

@@ -72,7 +72,7 @@ TEST(Routes, KnowNoOtherPath) {
                            "/problems/",
                            "v1",
                            "/v1/trees/x/points/closest",
-                           "/metrics"}) {
+                           "/metrics/"}) {
     EXPECT_EQ(Find("GET", path).route, nullptr) << path;
   }
 }

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
+#include <variant>
 
 #include "tests/support/fake_backend.h"
 #include "tests/support/fake_peer.h"
@@ -262,6 +263,84 @@ TEST_F(ServiceTest, CountsTheClientsThatLeft) {
     service_.Answered(record);
   }
   EXPECT_EQ(service_.clients_gone(), 2U);
+}
+
+TEST_F(ServiceTest, CountsWhatItAnswersAndShowsIt) {
+  const std::string id = Upload("mesh");
+  FakePeer rays(R"({"rays":[[0,0,1,0,0,-1],[0,0,1,0,0,1]]})");
+  EXPECT_EQ(Ask("POST", "/v1/trees/" + id + "/rays/any", rays).status, 200);
+  HttpRecord record;
+  record.route = Ask("GET", "/v1").route;
+  record.status = 200;
+  service_.Answered(record);
+  record.route = Ask("GET", "/no/such/path").route;
+  record.status = 404;
+  service_.Answered(record);
+  const HttpResponse response = Ask("GET", "/metrics");
+  EXPECT_EQ(response.status, 200);
+  EXPECT_EQ(response.headers.Find("Content-Type"), "text/plain; version=0.0.4; charset=utf-8");
+  EXPECT_EQ(response.headers.Find("Cache-Control"), "no-store");
+  const std::string text(response.body.text());
+  for (const char* line : {"kdray_http_requests_total{route=\"/v1\",status=\"200\"} 1",
+                           "kdray_http_requests_total{route=\"none\",status=\"404\"} 1",
+                           "kdray_rays_total{precision=\"watertight\",query=\"any\"} 2",
+                           "kdray_queue_wait_seconds_count 1", "kdray_tree_builds_total 7",
+                           "kdray_running_requests 0"}) {
+    EXPECT_THAT(text, testing::HasSubstr(std::string("\n") + line + "\n"));
+  }
+}
+
+class ServiceWithCors : public ServiceTest {
+ protected:
+  ServiceWithCors() : ServiceTest(Options()) {}
+  static ServiceOptions Options() {
+    ServiceOptions options;
+    options.tokens = *BearerTokens::Parse("secret");
+    options.cors = std::get<CorsPolicy>(CorsPolicy::Parse("https://a.example,https://b.example"));
+    return options;
+  }
+};
+
+TEST_F(ServiceWithCors, LetsPagesReadRefusalsToo) {
+  const HttpHeaders origin = Header("Origin", "https://b.example");
+  const auto allowed = [](const HttpResponse& response) {
+    return std::string(response.headers.Find("Access-Control-Allow-Origin").value_or(""));
+  };
+  for (const char* path : {"/healthz", "/v1", "/nowhere"}) {
+    EXPECT_EQ(allowed(Ask("GET", path, origin)), "https://b.example") << path;
+    EXPECT_EQ(allowed(Ask("GET", path)), "") << path;
+  }
+  HttpRequest request;
+  request.headers = origin;
+  const HttpResponse refused =
+      service_.Refuse(request, {.code = api::ErrorCode::kOverloaded, .detail = "full"});
+  EXPECT_EQ(allowed(refused), "https://b.example");
+  EXPECT_THAT(std::string(*refused.headers.Find("Access-Control-Expose-Headers")),
+              testing::HasSubstr("Retry-After"));
+}
+
+TEST_F(ServiceWithCors, AnswersAPreflightWithoutAToken) {
+  HttpHeaders headers = Header("Origin", "https://a.example");
+  EXPECT_EQ(Ask("OPTIONS", "/v1/trees", headers).status, 401);  // no preflight
+  headers.Add("Access-Control-Request-Method", "POST");
+  service_.Drain();
+  const HttpResponse response = Ask("OPTIONS", "/v1/trees", headers);
+  EXPECT_EQ(response.status, 204);
+  EXPECT_EQ(response.headers.Find("Access-Control-Allow-Origin"), "https://a.example");
+  EXPECT_EQ(response.headers.Find("Vary"), "Origin");
+  EXPECT_EQ(response.headers.Count("Kdray-Version"), 1U);
+  headers.Set("Origin", "https://c.example");
+  EXPECT_EQ(Ask("OPTIONS", "/v1/trees", headers).status, 401);
+}
+
+TEST_F(ServiceTest, AnswersNoPreflightByDefault) {
+  HttpHeaders headers = Header("Origin", "https://a.example");
+  headers.Add("Access-Control-Request-Method", "POST");
+  const HttpResponse response = Ask("OPTIONS", "/v1/trees", headers);
+  EXPECT_EQ(response.status, 405);
+  for (const auto& [name, value] : response.headers.fields()) {
+    EXPECT_FALSE(name.starts_with("Access-Control")) << name;
+  }
 }
 
 TEST_F(ServiceWithTokens, WantsATokenEverywhereButOnOpenPaths) {
