@@ -1,6 +1,6 @@
 """Turns the benchmarks' results into tables and plots.
 
-  report.py tradeoff|images|mismatches CSV COMMAND
+  report.py tradeoff|images|mismatches|latency CSV COMMAND
   report.py trace|build|points FOLDER COMMAND
 
 Writes the section of that name in tests/bench/README.md, between its two marks, and the plots into
@@ -414,10 +414,37 @@ def points(folder, command):
 """)
 
 
+# ---- Small requests ----
+
+
+def latency(rows, command):
+    def middle(server, connections, load, key):
+        return median(float(row[key]) for row in rows if (row["server"], row["load"]) == (server, load)
+                      and connections in (None, int(row["connections"])))
+
+    lines = []
+    for label, connections, load in (("1 connection", 1, "full"), ("8 connections", 8, "full"),
+                                     ("64 connections", 64, "full"), ("half of what 8 reach", None, "half")):
+        line = [label]
+        for server in ("kdrayd", "nginx"):
+            line += [f"{middle(server, connections, load, key):,.0f}" for key in ("per_second", "p50_us", "p99_us")]
+        line.append(f"{middle('kdrayd', connections, load, 'p50_us') / middle('nginx', connections, load, 'p50_us'):.1f}")
+        lines.append(line)
+    many = middle("kdrayd", 64, "full", "per_second") / middle("kdrayd", 8, "full", "per_second")
+    tail = middle("kdrayd", None, "half", "p99_us") / middle("kdrayd", None, "half", "p50_us")
+    rounds = len({row["round"] for row in rows})
+    write_section("latency", f"""
+{conditions(command)} Medians of {rounds} rounds. Requests of {rows[0]['request_bytes']} bytes, answers of {rows[0]['answer_bytes']} bytes.
+With 64 connections kdrayd answers {many:.2f} times as many requests a second as with 8. At half load its p99 is {tail:.1f} times its p50.
+
+{table(['', 'kdrayd, requests/s', 'p50 us', 'p99 us', 'nginx, requests/s', 'p50 us', 'p99 us', 'ratio of p50'], lines)}
+""")
+
+
 if __name__ == "__main__":
     what, path, said = sys.argv[1:]
     if what in ("trace", "build", "points"):
         {"trace": trace, "build": build, "points": points}[what](path, said)
         sys.exit()
     with open(path, newline="") as source:
-        {"tradeoff": tradeoff, "images": images, "mismatches": mismatches}[what](list(csv.DictReader(source)), said)
+        {"tradeoff": tradeoff, "images": images, "mismatches": mismatches, "latency": latency}[what](list(csv.DictReader(source)), said)
