@@ -88,6 +88,7 @@ struct BackendCounters {
   std::uint64_t unrecorded_meshes = 0;  ///< on disk without a tree, kept until uploaded again
   std::uint64_t unreadable_meshes = 0;  ///< meshes of trees, damaged or missing and not repaired
   std::uint64_t binary_rebuilds = 0;    ///< binary trees rebuilt for cells
+  std::uint64_t attribute_reads = 0;    ///< mesh files read for their attributes
 };
 
 /// Every method is safe from many threads at once and may block the calling thread; none throws on

@@ -116,8 +116,9 @@ struct QueryRunner {
 
 class CoreLoadedTree final : public LoadedTree {
  public:
-  CoreLoadedTree(QueryRunner* runner, core::Scene scene)
-      : runner_(*runner), scene_(std::move(scene)) {}
+  CoreLoadedTree(QueryRunner* runner, core::TreeLibrary* library, const core::TreeId& id,
+                 core::Scene scene)
+      : runner_(*runner), library_(*library), id_(id), scene_(std::move(scene)) {}
 
   api::Outcome<api::ClosestAnswer> Closest(const api::RayTable& rays,
                                            const api::RayOptions& options,
@@ -198,6 +199,14 @@ class CoreLoadedTree final : public LoadedTree {
     return std::nullopt;
   }
 
+  // What the mesh's file says besides triangles, of the kinds that a request names. Read from the
+  // file at the first such request, so call it only with kinds that are needed, and not in the
+  // arena.
+  [[maybe_unused]] core::Result<std::shared_ptr<const core::MeshAttributes>> Attributes(
+      core::AttributeKinds kinds, const CancelToken& cancel) const {
+    return library_.LoadAttributes(id_, kinds, cancel);
+  }
+
   // Determines the precision, and runs `work` in the query arena.
   template <class Answer, class Work>
   api::Outcome<Answer> Query(api::Precision asked, const CancelToken& cancel,
@@ -219,6 +228,8 @@ class CoreLoadedTree final : public LoadedTree {
   }
 
   QueryRunner& runner_;
+  core::TreeLibrary& library_;
+  const core::TreeId id_;
   const core::Scene scene_;
 };
 
@@ -272,7 +283,7 @@ class LibraryBackend final : public Backend {
                                           : library_->Load(*tree_id, cancel);
     if (scene.ok()) {
       return std::unique_ptr<const LoadedTree>(
-          std::make_unique<CoreLoadedTree>(&runner_, *std::move(scene)));
+          std::make_unique<CoreLoadedTree>(&runner_, library_.get(), *tree_id, *std::move(scene)));
     }
     if (scene.error().code == core::ErrorCode::kDeadlineExceeded) {
       const core::Result<core::TreeInfo> info = library_->Find(*tree_id);
@@ -365,7 +376,8 @@ class LibraryBackend final : public Backend {
             c.trees,
             c.unrecorded_meshes,
             c.unreadable_meshes,
-            c.binary_rebuilds};
+            c.binary_rebuilds,
+            c.attribute_reads};
   }
 
  private:

@@ -212,6 +212,8 @@ void AppendCurrent(const CurrentValues& now, std::vector<MetricFamily>& families
   counter("kdray_binary_tree_rebuilds_total", "Binary trees rebuilt for cells.",
           backend.binary_rebuilds);
   counter("kdray_mesh_parses_total", "Mesh files read.", backend.parses);
+  counter("kdray_attribute_reads_total", "Mesh files read for their attributes.",
+          backend.attribute_reads);
   counter("kdray_evictions_total", "Meshes and trees dropped from memory to make room.",
           backend.evictions);
   counter("kdray_damaged_files_total", "Stored files that failed their check.",

@@ -44,6 +44,9 @@ constexpr std::uint64_t BytesOfMesh(const MeshCounts& counts, std::uint64_t vert
          counts.triangles / 8;
 }
 
+// What does not grow with the file.
+constexpr std::uint64_t kFixedBytes = 64 << 10;
+
 // Scratch memory of CheckHealth.
 constexpr std::uint64_t HealthScratchBytes(const MeshCounts& counts) {
   return 10 * counts.vertices + std::max(counts.vertices / 8, 8 * counts.triangles);
@@ -61,23 +64,26 @@ Result<ParsedMesh> ParseMesh(std::span<const std::byte> bytes, const CancelToken
   return Parse(bytes, {}, cancel, {});
 }
 
-// Three phases, one after the other: the file's bytes and the MeshData read from them; MeshData and
-// the mesh made from it; the mesh, the vertices that were read, and the scratch of the health
-// report.
-std::uint64_t ParsePeakBytes(std::uint64_t file_bytes, const MeshCounts& counts) {
-  constexpr std::uint64_t kFixed = 64 << 10;
+std::uint64_t ReadPeakBytes(std::uint64_t file_bytes, const MeshCounts& counts) {
   const std::uint64_t vertices = counts.vertices * sizeof(Vec3d);
   const std::uint64_t triangles = counts.triangles * sizeof(TriangleIndices);
   // Arrays with a large claimed size begin with twice the file's bytes (core/io/claimed_rows.h).
   const auto growth = [&](std::uint64_t bytes) {
     return bytes > 2 * file_bytes ? 2 * file_bytes : 0;
   };
-  const std::uint64_t reading = file_bytes + counts.ReadBytes() + counts.vertices / 8 +
-                                std::max(growth(vertices), growth(triangles));
+  return kFixedBytes + file_bytes + counts.ReadBytes() + counts.vertices / 8 +
+         std::max(growth(vertices), growth(triangles));
+}
+
+// Three phases, one after the other: the file's bytes and the MeshData read from them; MeshData and
+// the mesh made from it; the mesh, the vertices that were read, and the scratch of the health
+// report.
+std::uint64_t ParsePeakBytes(std::uint64_t file_bytes, const MeshCounts& counts) {
+  const std::uint64_t vertices = counts.vertices * sizeof(Vec3d);
   const std::uint64_t mesh = BytesOfMesh(counts, sizeof(Vec3d));
   const std::uint64_t creating = vertices + counts.vertices / 8 + mesh;  // triangles are moved
   const std::uint64_t judging = vertices + mesh + HealthScratchBytes(counts);
-  return kFixed + std::max({reading, creating, judging});
+  return std::max(ReadPeakBytes(file_bytes, counts), kFixedBytes + std::max(creating, judging));
 }
 
 std::uint64_t LeastMeshBytes(const MeshCounts& counts) {

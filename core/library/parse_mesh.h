@@ -31,6 +31,9 @@ Result<ParsedMesh> ParseMesh(std::vector<std::byte> bytes, const CancelToken& ca
 /// need up to a third less.
 std::uint64_t ParsePeakBytes(std::uint64_t file_bytes, const MeshCounts& counts);
 
+/// Upper bound of the peak memory of ReadMesh alone, the bytes included.
+std::uint64_t ReadPeakBytes(std::uint64_t file_bytes, const MeshCounts& counts);
+
 /// Memory to prepare a usual file whose counts are not known yet, `file_bytes` of input included;
 /// others need up to 21 times their bytes. With counts: ParsePeakBytes.
 constexpr std::uint64_t EstimateParseBytes(std::uint64_t file_bytes) { return 5 * file_bytes; }

@@ -24,7 +24,7 @@ Pointer TreeCache::Find(const Key& key) {
   const auto found = index_.find(key);
   if (found == index_.end()) return nullptr;
   MoveToFront(key);
-  MoveToFront({key.first, std::nullopt});
+  MoveToFront({key.first, kMesh});
   return std::get<Pointer>(found->second->value);
 }
 
@@ -42,33 +42,43 @@ std::shared_ptr<const T> TreeCache::Insert(const Key& key, T value, MemoryCharge
   if (!is_new) old.splice(old.begin(), items_, place->second);
   items_.splice(items_.begin(), fresh);
   place->second = items_.begin();
-  MoveToFront({key.first, std::nullopt});
+  MoveToFront({key.first, kMesh});
   return pointer;
 }
 
 TreeCache::MeshPointer TreeCache::FindMesh(const Sha256Digest& mesh) {
-  return Find<MeshPointer>({mesh, std::nullopt});
+  return Find<MeshPointer>({mesh, kMesh});
 }
 
 TreeCache::TreePointer TreeCache::FindTree(const Sha256Digest& mesh, BuildKind build) {
-  return Find<TreePointer>({mesh, build});
+  return Find<TreePointer>(TreeKey(mesh, build));
 }
 
 TreeCache::MeshPointer TreeCache::InsertMesh(const Sha256Digest& mesh, ParsedMesh value,
                                              MemoryCharge charge) {
-  return Insert<ParsedMesh>({mesh, std::nullopt}, std::move(value), std::move(charge));
+  return Insert<ParsedMesh>({mesh, kMesh}, std::move(value), std::move(charge));
 }
 
 TreeCache::TreePointer TreeCache::InsertTree(const Sha256Digest& mesh, Tree value,
                                              MemoryCharge charge) {
   const BuildKind build = value.build;
-  return Insert<Tree>({mesh, build}, std::move(value), std::move(charge));
+  return Insert<Tree>(TreeKey(mesh, build), std::move(value), std::move(charge));
+}
+
+TreeCache::AttributesPointer TreeCache::FindAttributes(const Sha256Digest& mesh) {
+  return Find<AttributesPointer>({mesh, kAttributes});
+}
+
+TreeCache::AttributesPointer TreeCache::InsertAttributes(const Sha256Digest& mesh,
+                                                         MeshAttributes value,
+                                                         MemoryCharge charge) {
+  return Insert<MeshAttributes>({mesh, kAttributes}, std::move(value), std::move(charge));
 }
 
 void TreeCache::EraseTree(const Sha256Digest& mesh, BuildKind build) {
   Items old;
   const std::lock_guard lock(mutex_);
-  if (const auto found = index_.find({mesh, build}); found != index_.end()) {
+  if (const auto found = index_.find(TreeKey(mesh, build)); found != index_.end()) {
     old.splice(old.begin(), items_, found->second);
     index_.erase(found);
   }
@@ -77,8 +87,8 @@ void TreeCache::EraseTree(const Sha256Digest& mesh, BuildKind build) {
 void TreeCache::EraseMesh(const Sha256Digest& mesh) {
   Items old;
   const std::lock_guard lock(mutex_);
-  // The mesh has the first key with this hash: no build sorts before every build.
-  auto next = index_.lower_bound({mesh, std::nullopt});
+  // The mesh has the first key with this hash.
+  auto next = index_.lower_bound({mesh, kMesh});
   while (next != index_.end() && next->first.first == mesh) {
     old.splice(old.begin(), items_, next->second);
     next = index_.erase(next);

@@ -23,6 +23,11 @@ TreeLibrary::TreeLibrary(const LibraryOptions& options, std::unique_ptr<SceneSto
       remover_(&registry_, store_.get(), &cache_, &measurements_),
       intake_({&registry_, &remover_, store_.get(), &mesh_locks_, &budget_}),
       binary_rebuilder_(&budget_, &arena_),
+      attribute_loader_({store_.get(), &cache_, &budget_,
+                         [this](const Sha256Digest& mesh) {
+                           const std::lock_guard files_lock(mesh_locks_.Of(mesh));
+                           remover_.EvictUnwanted(mesh);
+                         }}),
       queue_(kLoadThreads, kBuildThreads, kAsideThreads),
       builder_({&registry_, &remover_, &loader_, store_.get(), &mesh_locks_, &queue_}),
       measurer_(
@@ -50,6 +55,7 @@ void TreeLibrary::Shutdown() {
   registry_.Shutdown();
   measurements_.Stop();
   binary_rebuilder_.Stop();
+  attribute_loader_.Stop();
   queue_.Stop();
 }
 
@@ -121,6 +127,18 @@ Result<Scene> TreeLibrary::LoadWithBinary(const TreeId& id, const CancelToken& c
   return scene;
 }
 
+Result<std::shared_ptr<const MeshAttributes>> TreeLibrary::LoadAttributes(
+    const TreeId& id, AttributeKinds kinds, const CancelToken& cancel) {
+  if (Status status = registry_.Check(id); !status.ok()) return std::move(status).error();
+  const std::optional<TreeRegistry::MeshInfo> mesh = registry_.FindMesh(id.mesh);
+  if (!mesh) return NoSuchTree();  // deleted meanwhile
+  auto attributes = attribute_loader_.Load(id.mesh, mesh->bytes, kinds, cancel);
+  if (!attributes.ok() && attributes.error().code == ErrorCode::kCorrupt) {
+    (void)registry_.NoteMeshDamaged(id.mesh);
+  }
+  return attributes;
+}
+
 std::vector<TreeInfo> TreeLibrary::List(const std::optional<Sha256Digest>& mesh,
                                         const std::optional<Position>& after, std::size_t limit) {
   return registry_.List(mesh, after, limit);
@@ -161,6 +179,7 @@ LibraryCounters TreeLibrary::counters() const {
   counters.loads = loader_.loads();
   counters.cache_hits = cache_hits_;
   counters.binary_rebuilds = binary_rebuilder_.rebuilds();
+  counters.attribute_reads = attribute_loader_.reads();
   counters.damaged_files = store_->damaged_files();
   counters.evictions = cache_.evictions();
   counters.memory_bytes = budget_.used();

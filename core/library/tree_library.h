@@ -1,7 +1,7 @@
 // The trees of one data directory by their ids: uploads, builds, memory, disk, deletion. Core's
 // interface for a server, independent of the protocol. It only connects its parts: the state is in
 // tree_registry.h, the work in mesh_intake.h, tree_builder.h, scene_loader.h, tree_remover.h,
-// binary_rebuilder.h and measurer.h.
+// binary_rebuilder.h, attribute_loader.h and measurer.h.
 #pragma once
 
 #include <atomic>
@@ -17,6 +17,8 @@
 #include "core/base/parallel.h"
 #include "core/base/result.h"
 #include "core/catalog/tree_id.h"
+#include "core/io/mesh_attributes.h"
+#include "core/library/attribute_loader.h"
 #include "core/library/binary_rebuilder.h"
 #include "core/library/measurements.h"
 #include "core/library/measurer.h"
@@ -49,6 +51,7 @@ struct LibraryCounters {
   std::uint64_t parses = 0, builds = 0, loads = 0, rebuilds = 0;
   std::uint64_t cache_hits = 0;       ///< calls of Load that found the scene in memory
   std::uint64_t binary_rebuilds = 0;  ///< BinaryRebuilder
+  std::uint64_t attribute_reads = 0;  ///< AttributeLoader
   std::uint64_t damaged_files = 0, evictions = 0;
   std::uint64_t memory_bytes = 0, store_bytes = 0, trees = 0;
   std::uint64_t unrecorded_meshes = 0;  ///< stored meshes without a tree (SceneStore)
@@ -91,6 +94,12 @@ class TreeLibrary {
   /// As Load, with the binary tree that cells and counted steps are taken from (Scene::Cells,
   /// TraceCostly). Errors besides: those of BinaryRebuilder::Ensure.
   Result<Scene> LoadWithBinary(const TreeId& id, const CancelToken& cancel);
+
+  /// The attributes of the tree's mesh, of these kinds at least. Errors: those of
+  /// AttributeLoader::Load.
+  Result<std::shared_ptr<const MeshAttributes>> LoadAttributes(const TreeId& id,
+                                                               AttributeKinds kinds,
+                                                               const CancelToken& cancel);
 
   using Position = TreePosition;
   /// At most `limit` of those after `after`, of one mesh or of all.
@@ -148,6 +157,7 @@ class TreeLibrary {
   TreeRemover remover_;
   MeshIntake intake_;
   BinaryRebuilder binary_rebuilder_;
+  AttributeLoader attribute_loader_;
   WorkQueue queue_;
   TreeBuilder builder_;
   Measurer measurer_;
