@@ -38,14 +38,18 @@ Json HealthJson(const MeshHealth& health) {
 Json MeshJson(const TreeDescription& tree) {
   const MeshDescription& mesh = tree.mesh;
   if (!tree.mesh_known) return {{"sha256", mesh.sha256}, {"bytes", mesh.bytes}};
-  return {{"sha256", mesh.sha256},
-          {"format", Name(mesh.format)},
-          {"bytes", mesh.bytes},
-          {"triangles", mesh.triangles},
-          {"dropped", mesh.dropped},
-          {"vertices", mesh.vertices},
-          {"bounds", BoxJson(mesh.bounds)},
-          {"health", HealthJson(mesh.health)}};
+  Json json = {{"sha256", mesh.sha256},
+               {"format", Name(mesh.format)},
+               {"bytes", mesh.bytes},
+               {"triangles", mesh.triangles},
+               {"dropped", mesh.dropped},
+               {"vertices", mesh.vertices},
+               {"bounds", BoxJson(mesh.bounds)},
+               {"health", HealthJson(mesh.health)}};
+  if (mesh.groups) json["groups"] = *mesh.groups;
+  if (mesh.area) json["area"] = *mesh.area;
+  if (mesh.volume) json["volume"] = *mesh.volume + 0.0;
+  return json;
 }
 
 Json TreeJson(const TreeFacts& tree) {

@@ -124,6 +124,9 @@ struct MeshDescription {
   std::uint64_t bytes = 0, triangles = 0, dropped = 0, vertices = 0;
   Box bounds;
   MeshHealth health;
+  std::optional<double> area;
+  std::optional<double> volume;                    ///< only if closed
+  std::optional<std::vector<std::string>> groups;  ///< names; not in lists
 };
 
 struct TreeFacts {

@@ -271,7 +271,9 @@ class LibraryBackend final : public Backend {
     if (!tree_id.ok()) return tree_id.problem();
     const core::Result<core::TreeInfo> info = library_->Wait(*tree_id, until, cancel);
     if (!info.ok()) return ToProblem(info.error());
-    return ToApi(*info);
+    api::TreeDescription description = ToApi(*info);
+    if (info->record.mesh) AddGroups(*tree_id, *info->record.mesh, cancel, &description.mesh);
+    return description;
   }
 
   api::Outcome<std::unique_ptr<const LoadedTree>> Acquire(std::string_view id, TreeUse use,
@@ -381,6 +383,15 @@ class LibraryBackend final : public Backend {
   }
 
  private:
+  // A description without the names of groups is better than none.
+  void AddGroups(const core::TreeId& id, const core::MeshFacts& facts, const CancelToken& cancel,
+                 api::MeshDescription* mesh) {
+    if (!facts.groups) return;
+    core::Result<std::vector<std::string>> names = std::vector<std::string>();
+    if (*facts.groups != 0) names = library_->GroupNames(id, cancel);
+    if (names.ok()) mesh->groups = *std::move(names);
+  }
+
   QueryRunner runner_;
   std::unique_ptr<core::TreeLibrary> library_;
 };

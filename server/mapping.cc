@@ -140,6 +140,8 @@ api::MeshDescription DescribeMesh(const core::Sha256Digest& digest, std::uint64_
   mesh.health = {health.degenerate,           health.duplicate,          health.concave,
                  health.open_edges,           health.non_manifold_edges, health.closed,
                  health.coordinate_resolution};
+  mesh.area = facts->area;
+  mesh.volume = facts->volume;
   return mesh;
 }
 

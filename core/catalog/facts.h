@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "core/accel/build_kind.h"
 #include "core/accel/tree_stats.h"
@@ -26,6 +27,10 @@ struct MeshFacts {
   double shortest_edge = 0;        ///< TriangleMesh::shortest_edge, local units
   std::uint64_t memory_bytes = 0;  ///< of the mesh in memory
   double parse_ms = 0;             ///< time from bytes to mesh, health report included
+  // Nullopt in records of older versions, and the volume of a mesh that is not closed.
+  std::optional<double> area;           ///< MeshMeasure::area
+  std::optional<double> volume;         ///< MeshMeasure::volume
+  std::optional<std::uint32_t> groups;  ///< number of groups with triangles (MeshAttributes)
   friend bool operator==(const MeshFacts&, const MeshFacts&) = default;
 };
 

@@ -1,6 +1,9 @@
 // The result of parsing a mesh file: the mesh that queries use, and its facts.
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "core/catalog/facts.h"
 #include "core/geometry/triangle_mesh.h"
 
@@ -9,6 +12,8 @@ namespace kdray::core {
 struct ParsedMesh {
   MeshFacts facts;
   TriangleMesh mesh;
+  /// Of a mesh that was just parsed; the loader stores them apart and empties the list.
+  std::vector<std::string> group_names = {};
 };
 
 }  // namespace kdray::core

@@ -9,6 +9,7 @@
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "core/base/cancel_poll.h"
@@ -93,6 +94,8 @@ class AttributeSink {
   /// A face of three corners that no cutter has seen.
   void AddTriangle(const Face& face);
 
+  /// The names of groups with triangles, for a sink without kinds; call once.
+  std::vector<std::string> TakeGroupNames() { return std::move(attributes_.group_names_); }
   /// The result; call once.
   MeshAttributes Finish(CancelPoll* poll);
 

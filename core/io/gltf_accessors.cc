@@ -157,6 +157,10 @@ Status GltfAccessors::Check(std::uint64_t number, GltfUse use) {
     Status status =
         CheckElements(*accessor.view, accessor.offset, accessor.count, element_bytes, pointer);
     if (!status.ok()) return status;
+  } else if (!accessor.sparse && (use == GltfUse::kPosition || use == GltfUse::kIndices)) {
+    return AtPointer(pointer, "has no bufferView and no sparse values, so there are no data for " +
+                                  std::string(NameOf(use)) +
+                                  " (compressed meshes, as of Draco and meshopt, are not read)");
   } else if (accessor.count > file_bytes_) {
     return AtPointer(pointer, "has " + std::to_string(accessor.count) +
                                   " elements of value 0 without a bufferView; at most the file's " +

@@ -41,23 +41,11 @@ struct GltfBuffer {
   std::string other_uri;                     ///< of another file; empty with `data_uri`
 };
 
-/// EXT_meshopt_compression of a view.
-struct GltfMeshopt {
-  std::uint64_t buffer = 0;
-  std::uint64_t offset = 0;
-  std::uint64_t bytes = 0;
-  std::uint64_t stride = 0;
-  std::uint64_t count = 0;
-  std::string mode;
-  std::string filter;
-};
-
 struct GltfView {
   std::uint64_t buffer = 0;
   std::uint64_t offset = 0;
   std::uint64_t bytes = 0;
-  std::uint64_t stride = 0;              ///< 0: elements touch
-  std::optional<std::uint32_t> meshopt;  ///< index in GltfDocument::meshopts
+  std::uint64_t stride = 0;  ///< 0: elements touch
 };
 
 enum class GltfType : std::uint16_t {
@@ -119,7 +107,6 @@ struct GltfNode {
 struct GltfDocument {
   std::vector<GltfBuffer> buffers;
   std::vector<GltfView> views;
-  std::vector<GltfMeshopt> meshopts;
   std::vector<GltfAccessor> accessors;
   std::vector<GltfPrimitive> primitives;
   std::vector<GltfMesh> meshes;

@@ -2,7 +2,11 @@
 
 #include <algorithm>
 #include <chrono>
+#include <string>
 #include <utility>
+
+#include "core/geometry/mesh_measure.h"
+#include "core/io/attribute_sink.h"
 
 namespace kdray::core {
 namespace {
@@ -15,13 +19,18 @@ Result<ParsedMesh> Parse(std::span<const std::byte> bytes, std::vector<std::byte
   const auto start = SteadyClock::now();
   MeshFacts facts;
   facts.file_bytes = bytes.size();
-  Result<MeshData> data = ReadMesh(bytes, MeshReadOptions{cancel, on_counts});
+  // Of attributes only the names of groups, which a description has.
+  AttributeSink names{AttributeKinds()};
+  Result<MeshData> data = ReadMesh(bytes, MeshReadOptions{cancel, on_counts, &names});
   text = std::vector<std::byte>();
   if (!data.ok()) return std::move(data).error();
   Result<TriangleMesh> mesh = TriangleMesh::Create(&*data, cancel);
   if (!mesh.ok()) return std::move(mesh).error();
   const Result<MeshHealth> health = CheckHealth(*mesh, *data, cancel);
   if (!health.ok()) return health.error();
+  const Result<MeshMeasure> measure = MeasureMesh(*mesh, cancel);
+  if (!measure.ok()) return measure.error();
+  std::vector<std::string> group_names = names.TakeGroupNames();
 
   facts.format = data->format;
   facts.triangles = mesh->triangle_count();
@@ -35,8 +44,11 @@ Result<ParsedMesh> Parse(std::span<const std::byte> bytes, std::vector<std::byte
   facts.rounded_vertices = mesh->has_rounded_vertices();
   facts.shortest_edge = mesh->shortest_edge();
   facts.memory_bytes = mesh->bytes();
+  facts.area = measure->area;
+  if (health->closed) facts.volume = measure->volume;
+  facts.groups = static_cast<std::uint32_t>(group_names.size());
   facts.parse_ms = std::chrono::duration<double, std::milli>(SteadyClock::now() - start).count();
-  return ParsedMesh{std::move(facts), *std::move(mesh)};
+  return ParsedMesh{std::move(facts), *std::move(mesh), std::move(group_names)};
 }
 
 constexpr std::uint64_t BytesOfMesh(const MeshCounts& counts, std::uint64_t vertex_bytes) {

@@ -83,6 +83,11 @@ class SceneLoader::Attempt {
     const auto on_counts = [&](const MeshCounts& counts) { return NeedForParsing(counts); };
     std::optional<Result<ParsedMesh>> parsed;
     loader_->arena_->Run([&] { parsed = ParseMesh(*std::move(bytes), watch_->cancel, on_counts); });
+    if (parsed->ok() && !(*parsed)->group_names.empty()) {
+      // Before anyone learns of the mesh. If the disk fails, a description reads them again.
+      const std::vector<std::string> names = std::exchange((*parsed)->group_names, {});
+      (void)loader_->store_->SaveGroupNames(record_.id.mesh, names);
+    }
     return *std::move(parsed);
   }
 

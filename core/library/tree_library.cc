@@ -139,6 +139,16 @@ Result<std::shared_ptr<const MeshAttributes>> TreeLibrary::LoadAttributes(
   return attributes;
 }
 
+Result<std::vector<std::string>> TreeLibrary::GroupNames(const TreeId& id,
+                                                         const CancelToken& cancel) {
+  Result<std::vector<std::string>> stored = store_->ReadGroupNames(id.mesh);
+  if (stored.ok()) return stored;
+  const auto attributes = LoadAttributes(id, {}, cancel);
+  if (!attributes.ok()) return attributes.error();
+  const std::span<const std::string> names = (*attributes)->group_names();
+  return std::vector<std::string>(names.begin(), names.end());
+}
+
 std::vector<TreeInfo> TreeLibrary::List(const std::optional<Sha256Digest>& mesh,
                                         const std::optional<Position>& after, std::size_t limit) {
   return registry_.List(mesh, after, limit);

@@ -101,6 +101,10 @@ class TreeLibrary {
                                                                AttributeKinds kinds,
                                                                const CancelToken& cancel);
 
+  /// The names of the mesh's groups (MeshAttributes::group_names): from their file, else from the
+  /// mesh. Errors: those of LoadAttributes.
+  Result<std::vector<std::string>> GroupNames(const TreeId& id, const CancelToken& cancel);
+
   using Position = TreePosition;
   /// At most `limit` of those after `after`, of one mesh or of all.
   std::vector<TreeInfo> List(const std::optional<Sha256Digest>& mesh,

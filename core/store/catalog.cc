@@ -13,11 +13,18 @@ namespace kdray::core {
 namespace {
 
 // Increment the version when the layout below, or the meaning of a fact, changes.
-constexpr FileKind kRecordFileKind{"kdraycat", 3, 1};
+constexpr FileKind kRecordFileKind{"kdraycat", 4, 1};
 // Readers of meshes have changed since the facts of version 1 were found.
 constexpr std::uint32_t kFirstWithTheseMeshFacts = 2;
 constexpr std::uint32_t kFirstWithMaxLeaf = 3;
 constexpr std::uint32_t kFirstWithResumes = 3;
+constexpr std::uint32_t kFirstWithSurfaceFacts = 4;
+
+constexpr FileKind kGroupsFileKind{"kdraygrp", 1};
+constexpr std::uint32_t kMaxGroups = 4096;
+
+// No tree has this id, so it cannot be that of a record.
+std::string GroupsFileName(const Sha256Digest& mesh) { return mesh.ToHex() + "-groups"; }
 
 void PutTreeFacts(const TreeFacts& facts, CheckedWriter* writer) {
   PutEnum(facts.build, writer);
@@ -51,7 +58,10 @@ Status Catalog::Save(const TreeRecord& record) {
   writer.Put(record.mesh_bytes);
   writer.Put(record.resumed);
   PutBool(record.mesh.has_value(), &writer);
-  if (record.mesh) PutMeshFacts(*record.mesh, &writer);
+  if (record.mesh) {
+    PutMeshFacts(*record.mesh, &writer);
+    PutSurfaceFacts(*record.mesh, &writer);
+  }
   PutBool(record.tree.has_value(), &writer);
   if (record.tree) PutTreeFacts(*record.tree, &writer);
   Result<NewBlob> written = std::move(writer).Finish();
@@ -75,6 +85,9 @@ Result<TreeRecord> Catalog::Read(const TreeId& id) const {
     reader.SkipRest();
   } else {
     if (GetBool(&reader)) record.mesh = GetMeshFacts(&reader);
+    if (record.mesh && reader.version() >= kFirstWithSurfaceFacts) {
+      GetSurfaceFacts(&reader, &*record.mesh);
+    }
     if (GetBool(&reader)) record.tree = GetTreeFacts(&reader);
   }
   if (Status status = reader.Finish(); !status.ok()) return std::move(status).error();
@@ -104,9 +117,37 @@ Result<Catalog::Contents> Catalog::Load() const {
 
 Status Catalog::Remove(const TreeId& id) { return blobs_.Remove(id.ToString()); }
 
+Status Catalog::SaveGroupNames(const Sha256Digest& mesh, std::span<const std::string> names) {
+  Result<NewBlob> blob = blobs_.Create();
+  if (!blob.ok()) return std::move(blob).error();
+  CheckedWriter writer(*std::move(blob), kGroupsFileKind);
+  writer.Put(mesh);
+  writer.Put(static_cast<std::uint32_t>(names.size()));
+  for (const std::string& name : names) writer.PutArray(std::span(name));
+  Result<NewBlob> written = std::move(writer).Finish();
+  if (!written.ok()) return std::move(written).error();
+  return written->Commit(GroupsFileName(mesh));
+}
+
+Result<std::vector<std::string>> Catalog::ReadGroupNames(const Sha256Digest& mesh) const {
+  Result<std::unique_ptr<ReadableFile>> file = blobs_.Read(GroupsFileName(mesh));
+  if (!file.ok()) return std::move(file).error();
+  CheckedReader reader(*std::move(file), kGroupsFileKind);
+  if (reader.Get<Sha256Digest>() != mesh) reader.Fail();
+  std::vector<std::string> names;
+  const auto count = reader.GetBelow(kMaxGroups + 1);
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const std::vector<char> name = reader.GetArray<char>();
+    names.emplace_back(name.begin(), name.end());
+  }
+  if (Status status = reader.Finish(); !status.ok()) return std::move(status).error();
+  return names;
+}
+
 Status Catalog::RemoveAllOf(const Sha256Digest& mesh) {
-  std::array<std::string, kAllBuildKinds.size() + 1> names;
-  std::array<std::string_view, kAllBuildKinds.size() + 1> views;
+  std::array<std::string, kAllBuildKinds.size() + 2> names;
+  std::array<std::string_view, kAllBuildKinds.size() + 2> views;
+  names.back() = GroupsFileName(mesh);
   names[0] = TreeId{mesh, std::nullopt}.ToString();
   for (std::size_t i = 0; i < kAllBuildKinds.size(); ++i) {
     names[i + 1] = TreeId{mesh, kAllBuildKinds[i]}.ToString();

@@ -4,6 +4,8 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "core/base/result.h"
@@ -35,7 +37,12 @@ class Catalog {
   Status Save(const TreeRecord& record);
   /// Durable when it returns; after an error the record may exist, or reappear.
   Status Remove(const TreeId& id);
-  /// Remove for every id that the mesh can have.
+  /// The names of a mesh's groups, in a file beside the records. Durable when it returns.
+  Status SaveGroupNames(const Sha256Digest& mesh, std::span<const std::string> names);
+  /// kNotFound if they were not saved; kCorrupt.
+  Result<std::vector<std::string>> ReadGroupNames(const Sha256Digest& mesh) const;
+
+  /// Remove for every id that the mesh can have, and its groups.
   Status RemoveAllOf(const Sha256Digest& mesh);
   /// Whether a file of this name exists, valid or not.
   bool Has(const TreeId& id) const { return blobs_.Read(id.ToString()).ok(); }

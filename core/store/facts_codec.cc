@@ -63,6 +63,34 @@ MeshFacts GetMeshFacts(CheckedReader* reader) {
   return facts;
 }
 
+namespace {
+
+template <class T>
+void PutOptional(const std::optional<T>& value, CheckedWriter* writer) {
+  PutBool(value.has_value(), writer);
+  writer->Put(value.value_or(T()));
+}
+template <class T>
+std::optional<T> GetOptional(CheckedReader* reader) {
+  const bool is_there = GetBool(reader);
+  const T value = reader->Get<T>();
+  return is_there ? std::optional(value) : std::nullopt;
+}
+
+}  // namespace
+
+void PutSurfaceFacts(const MeshFacts& facts, CheckedWriter* writer) {
+  PutOptional(facts.area, writer);
+  PutOptional(facts.volume, writer);
+  PutOptional(facts.groups, writer);
+}
+
+void GetSurfaceFacts(CheckedReader* reader, MeshFacts* facts) {
+  facts->area = GetOptional<double>(reader);
+  facts->volume = GetOptional<double>(reader);
+  facts->groups = GetOptional<std::uint32_t>(reader);
+}
+
 void PutTreeStats(const TreeStats& stats, CheckedWriter* writer) {
   writer->Put(stats.nodes);
   writer->Put(stats.leaves);

@@ -33,8 +33,12 @@ Enum GetEnum(CheckedReader* reader) {
 void PutBool(bool value, CheckedWriter* writer);
 bool GetBool(CheckedReader* reader);
 
+/// Without the facts of PutSurfaceFacts, which older files do not have.
 void PutMeshFacts(const MeshFacts& facts, CheckedWriter* writer);
 MeshFacts GetMeshFacts(CheckedReader* reader);
+/// Area, volume and number of groups.
+void PutSurfaceFacts(const MeshFacts& facts, CheckedWriter* writer);
+void GetSurfaceFacts(CheckedReader* reader, MeshFacts* facts);
 
 /// How TreeStats stand in a file: older files do not tell max_leaf.
 enum class TreeStatsLayout : std::uint8_t { kWithoutMaxLeaf, kWithMaxLeaf };

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/base/cancel_poll.h"
+#include "core/geometry/mesh_measure.h"
 #include "core/store/checked_file.h"
 #include "core/store/facts_codec.h"
 
@@ -17,7 +18,8 @@ inline constexpr bool kStorable<TriangleIndices> = true;
 namespace {
 
 // Increment the version when parsing or the layout changes a file's content.
-constexpr FileKind kMeshFileKind{"kdraymsh", 2};
+constexpr FileKind kMeshFileKind{"kdraymsh", 3, 2};
+constexpr std::uint32_t kFirstWithSurfaceFacts = 3;
 
 // Work of a flag, and of a triangle's indices (CancelPoll). What comes back means nothing once the
 // poll has stopped.
@@ -56,6 +58,7 @@ Result<NewBlob> WriteParsedMeshFile(const Sha256Digest& mesh, const ParsedMesh& 
   CheckedWriter writer(std::move(blob), kMeshFileKind, cancel);
   writer.Put(mesh);
   PutMeshFacts(parsed.facts, &writer);
+  PutSurfaceFacts(parsed.facts, &writer);
   parsed.mesh.VisitVertices([&](auto vertices) { writer.PutArray(vertices); });
   writer.PutArray(parsed.mesh.triangles());
   CancelPoll poll(cancel);
@@ -70,6 +73,7 @@ Result<ParsedMesh> ReadParsedMeshFile(const Sha256Digest& mesh, std::unique_ptr<
   CheckedReader reader(std::move(file), kMeshFileKind, cancel);
   if (reader.Get<Sha256Digest>() != mesh) reader.Fail();
   MeshFacts facts = GetMeshFacts(&reader);
+  if (reader.version() >= kFirstWithSurfaceFacts) GetSurfaceFacts(&reader, &facts);
   TriangleMesh::Parts parts;
   parts.format = facts.format;
   parts.frame = facts.frame;
@@ -93,6 +97,12 @@ Result<ParsedMesh> ReadParsedMeshFile(const Sha256Digest& mesh, std::unique_ptr<
   if (poll.stopped()) return poll.ToError();
   Result<TriangleMesh> made = TriangleMesh::FromParts(std::move(parts), cancel);
   if (!made.ok()) return std::move(made).error();
+  if (reader.version() < kFirstWithSurfaceFacts) {
+    const Result<MeshMeasure> measure = MeasureMesh(*made, cancel);
+    if (!measure.ok()) return measure.error();
+    facts.area = measure->area;
+    if (facts.health.closed) facts.volume = measure->volume;
+  }
   return ParsedMesh{std::move(facts), *std::move(made)};
 }
 

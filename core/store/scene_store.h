@@ -3,6 +3,7 @@
 //   meshes/<sha256>   the uploaded bytes
 //   catalog/<id>      the records of trees (catalog.h): a mesh without a record is not served, and
 //                     is kept until the same bytes are uploaded again or the limit needs its room
+//   catalog/<sha256>-groups  the names of a mesh's groups, if it has any
 //   parsed/<sha256>   derived: the parsed mesh (parsed_mesh_file.h)
 //   trees/<sha256>-<build>   derived: the built tree (tree_file.h)
 //   measured/<sha256>        derived: the trade-off that was measured (tradeoff_file.h)
@@ -154,6 +155,13 @@ class SceneStore {
   Status RemoveRecord(const TreeId& id) { return catalog_.Remove(id); }
   Status RemoveRecordsOf(const Sha256Digest& mesh) { return catalog_.RemoveAllOf(mesh); }
   bool HasRecord(const TreeId& id) const { return catalog_.Has(id); }
+  /// The names of a mesh's groups, which go with its records. kNotFound if they were not saved.
+  Status SaveGroupNames(const Sha256Digest& mesh, std::span<const std::string> names) {
+    return catalog_.SaveGroupNames(mesh, names);
+  }
+  Result<std::vector<std::string>> ReadGroupNames(const Sha256Digest& mesh) const {
+    return catalog_.ReadGroupNames(mesh);
+  }
 
   std::uint64_t bytes() const { return usage_.total(); }
   std::optional<std::uint64_t> limit() const { return usage_.limit(); }

@@ -107,6 +107,11 @@ std::string DetailsOf(const Document& description) {
             With(mesh.Count("vertices"), "vertices"),
             Unless0(mesh.Count("dropped"), "faces dropped")}));
   add("bounds", Join({mesh["bounds"].Vector("min"), mesh["bounds"].Vector("max")}, "  to  "));
+  const auto named = [&](const char* name, const std::string& number) {
+    return number.empty() ? "" : name + (" " + number);
+  };
+  add("surface",
+      Join({named("area", mesh.Number("area")), named("volume", mesh.Number("volume"))}));
   add("health", HealthOf(mesh["health"]));
   add("tree",
       Join({tree.Text("build"), With(tree.Count("nodes"), "nodes"),

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -71,6 +72,15 @@ TEST(Descriptions, SayWhatIsKnownSoFar) {
   EXPECT_EQ(parsed["mesh"]["format"], "ply");
   EXPECT_EQ(parsed["mesh"]["bounds"]["max"], json::parse("[0.1,2,3]"));
   EXPECT_EQ(parsed["mesh"]["health"]["closed"], true);
+  for (const char* unknown : {"groups", "area", "volume"}) {
+    EXPECT_FALSE(parsed["mesh"].contains(unknown)) << unknown;
+  }
+  tree.mesh.groups = {"left \"wing\"", ""};
+  tree.mesh.area = 1.5;
+  tree.mesh.volume = -0.0;
+  parsed = json::parse(EncodeDescription(tree));
+  EXPECT_EQ(parsed["mesh"]["groups"], json::parse(R"(["left \"wing\"", ""])"));
+  EXPECT_FALSE(std::signbit(parsed["mesh"]["volume"].get<double>()));
 
   tree.ready = true;
   tree.progress = 1;

@@ -283,6 +283,11 @@ TEST(GltfReader, SaysWhereABrokenFileIsWrong) {
                       index),
             "/accessors/0: 4 elements"},
            {accessors(R"("componentType": 5126, "count": 4000000000, "type": "VEC3")", index),
+            "/accessors/0: has no bufferView and no sparse values"},
+           {accessors(R"("componentType": 5126, "count": 4000000000, "type": "VEC3", "sparse":
+             {"count": 0, "indices": {"bufferView": 0, "componentType": 5121},
+              "values": {"bufferView": 0}})",
+                      index),
             "/accessors/0: has 4000000000 elements of value 0 without a bufferView"},
            {accessors(R"("bufferView": 9, "componentType": 5126, "count": 4, "type": "VEC3")",
                       index),

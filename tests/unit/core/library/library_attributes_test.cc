@@ -120,6 +120,25 @@ TEST_F(LibraryAttributes, StopSoonAfterTheLastWhoAskedHasLeft) {
   EXPECT_NE(MustLoad(id, {AttributeKind::kUv}), nullptr);
 }
 
+TEST_F(LibraryAttributes, TheNamesOfGroupsNeedNoReadingOfTheMesh) {
+  const TreeId id = Add(Squares(3));
+  EXPECT_EQ(library_->Find(id)->record.mesh->groups, 2u);
+  const std::vector<std::string> names = {"even", "odd"};
+  EXPECT_EQ(*library_->GroupNames(id, test::Soon()), names);
+  Settle();
+  EXPECT_EQ(library_->Find(id)->record.mesh->groups, 2u);
+  EXPECT_EQ(library_->Find(id)->record.mesh->area, 3.0);
+  EXPECT_EQ(library_->Find(id)->record.mesh->volume, std::nullopt);
+  EXPECT_EQ(*library_->GroupNames(id, test::Soon()), names);
+  EXPECT_EQ(library_->counters().attribute_reads, 0u);
+  // Without their file they are read from the mesh.
+  ASSERT_TRUE(disk_.Remove("data/catalog/" + id.mesh.ToHex() + "-groups").ok());
+  EXPECT_EQ(*library_->GroupNames(id, test::Soon()), names);
+  EXPECT_EQ(library_->counters().attribute_reads, 1u);
+  ASSERT_TRUE(library_->Delete(id).ok());
+  EXPECT_EQ(FilesIn("catalog"), 0u);
+}
+
 TEST_F(LibraryAttributes, AreNotReadAfterTheShutdown) {
   const TreeId id = Add(Squares(3));
   library_->Shutdown();

@@ -44,6 +44,9 @@ TreeRecord ReadyRecord(std::string_view mesh) {
   facts.rounded_vertices = true;
   facts.shortest_edge = 0.125;
   facts.parse_ms = 1.5;
+  facts.area = 0.75;
+  facts.volume = -0.5;
+  facts.groups = 3;
   record.mesh = facts;
   TreeFacts tree;
   tree.build = BuildKind::kBox;
@@ -53,6 +56,14 @@ TreeRecord ReadyRecord(std::string_view mesh) {
   tree.stats.sah_cost = 12.5;
   tree.build_ms = 0.25;
   record.tree = tree;
+  return record;
+}
+
+// As older versions recorded it.
+TreeRecord WithoutSurfaceFacts(TreeRecord record) {
+  record.mesh->area.reset();
+  record.mesh->volume.reset();
+  record.mesh->groups.reset();
   return record;
 }
 
@@ -83,6 +94,37 @@ TEST_F(CatalogTest, GivesBackWhatWasSaved) {
   EXPECT_EQ(contents.damaged, 0u);
 }
 
+TEST_F(CatalogTest, KeepsTheNamesOfGroupsUntilTheMeshGoes) {
+  const Sha256Digest mesh = HashBytes(Bytes("a"));
+  EXPECT_EQ(catalog_.ReadGroupNames(mesh).error().code, ErrorCode::kNotFound);
+  const std::vector<std::string> names = {"", "left wing", "left wing"};
+  ASSERT_TRUE(catalog_.SaveGroupNames(mesh, names).ok());
+  EXPECT_EQ(*catalog_.ReadGroupNames(mesh), names);
+  EXPECT_TRUE(Load().records.empty());  // it is no record
+  ASSERT_TRUE(catalog_.RemoveAllOf(mesh).ok());
+  EXPECT_EQ(catalog_.ReadGroupNames(mesh).error().code, ErrorCode::kNotFound);
+}
+
+// Version 3 did not tell area, volume and groups.
+TEST_F(CatalogTest, ARecordOfVersion3HasNoFactsAboutTheSurface) {
+  TreeRecord record = ReadyRecord("a");
+  BlobStore blobs(&disk_, "catalog");
+  CheckedWriter writer(blobs.Create().value(), FileKind{"kdraycat", 3});
+  const std::string name = record.id.ToString();
+  writer.PutArray(std::span(name));
+  writer.Put(record.created_ms);
+  writer.Put(record.mesh_bytes);
+  writer.Put(record.resumed);
+  PutBool(true, &writer);
+  PutMeshFacts(*record.mesh, &writer);
+  PutBool(true, &writer);
+  PutEnum(record.tree->build, &writer);
+  PutTreeStats(record.tree->stats, &writer);
+  writer.Put(record.tree->build_ms);
+  ASSERT_TRUE(std::move(writer).Finish()->Commit(name).ok());
+  EXPECT_THAT(Load().records, testing::ElementsAre(WithoutSurfaceFacts(record)));
+}
+
 // Version 2 did not tell max_leaf and `resumed`.
 void SaveAsVersion2(const TreeRecord& record, SimulatedDisk* disk) {
   BlobStore blobs(disk, "catalog");
@@ -111,7 +153,7 @@ void SaveAsVersion2(const TreeRecord& record, SimulatedDisk* disk) {
 }
 
 TEST_F(CatalogTest, ARecordOfVersion2HasTheLargestLeafThatItsHistogramTells) {
-  TreeRecord record = ReadyRecord("a");
+  TreeRecord record = WithoutSurfaceFacts(ReadyRecord("a"));
   record.resumed = 0;
   std::vector<std::uint64_t>& histogram = record.tree->stats.leaf_histogram;
   for (const std::size_t largest : {0u, 3u, 64u, 66u, 100'000u}) {
@@ -132,7 +174,7 @@ TEST_F(CatalogTest, ARecordOfVersion2HasTheLargestLeafThatItsHistogramTells) {
 }
 
 TEST_F(CatalogTest, ARecordOfVersion2WithACappedHistogramIsDueForABuild) {
-  TreeRecord record = ReadyRecord("a");
+  TreeRecord record = WithoutSurfaceFacts(ReadyRecord("a"));
   record.resumed = 0;
   record.tree->stats.leaf_histogram.assign(66, 1);
   SaveAsVersion2(record, &disk_);
@@ -168,7 +210,7 @@ TEST_F(CatalogTest, ARecordOfALaterVersionIsNotRead) {
   const TreeRecord record = PendingRecord("a", BuildKind::kBvh);
   ASSERT_TRUE(catalog_.Save(record).ok());
   std::vector<std::byte> bytes = disk_.Contents(FileOf(record)).value();
-  bytes[8] = std::byte{4};
+  bytes[8] = std::byte{5};
   const Sha256Digest digest = HashBytes(std::span<const std::byte>(bytes).first(bytes.size() - 32));
   std::memcpy(bytes.data() + bytes.size() - 32, digest.bytes.data(), 32);
   disk_.SetContents(FileOf(record), bytes);
@@ -186,7 +228,7 @@ TEST_F(CatalogTest, ReplacesAndRemoves) {
 }
 
 TEST_F(CatalogTest, PassesOverNamesThatAreNoId) {
-  const TreeRecord record = ReadyRecord("a");
+  const TreeRecord record = WithoutSurfaceFacts(ReadyRecord("a"));
   ASSERT_TRUE(catalog_.Save(record).ok());
   const std::string id = record.id.ToString();
   for (const std::string& name :
@@ -242,7 +284,7 @@ TEST_F(CatalogTest, AFileUnderAnotherTreesNameIsNotBelieved) {
 }
 
 TEST_F(CatalogTest, AnErrorOfTheDiskLosesNoRecord) {
-  const TreeRecord record = ReadyRecord("a");
+  const TreeRecord record = WithoutSurfaceFacts(ReadyRecord("a"));
   ASSERT_TRUE(catalog_.Save(record).ok());
   disk_.FailAt(0, ErrorCode::kIo);
   EXPECT_FALSE(catalog_.Load().ok()) << "a folder that cannot be listed is not an empty one";
