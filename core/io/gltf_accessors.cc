@@ -153,11 +153,13 @@ Status GltfAccessors::Check(std::uint64_t number, GltfUse use) {
                                   std::string(NameOf(use)) + " are " + Allowed(use));
   }
   const std::uint64_t element_bytes = accessor.components * SizeOf(accessor.type);
+  const bool is_needed = use == GltfUse::kPosition || use == GltfUse::kIndices;
+  const auto part = [&](const char* name) { return Checked{pointer + name, is_needed}; };
   if (accessor.view) {
     Status status =
-        CheckElements(*accessor.view, accessor.offset, accessor.count, element_bytes, pointer);
+        CheckElements(*accessor.view, accessor.offset, accessor.count, element_bytes, part(""));
     if (!status.ok()) return status;
-  } else if (!accessor.sparse && (use == GltfUse::kPosition || use == GltfUse::kIndices)) {
+  } else if (!accessor.sparse && is_needed) {
     return AtPointer(pointer, "has no bufferView and no sparse values, so there are no data for " +
                                   std::string(NameOf(use)) +
                                   " (compressed meshes, as of Draco and meshopt, are not read)");
@@ -177,36 +179,36 @@ Status GltfAccessors::Check(std::uint64_t number, GltfUse use) {
                          "; allowed are " + Allowed(GltfUse::kIndices));
   }
   Status status = CheckElements(sparse.index_view, sparse.index_offset, sparse.count,
-                                SizeOf(sparse.index_type), pointer + "/sparse/indices");
+                                SizeOf(sparse.index_type), part("/sparse/indices"));
   if (!status.ok()) return status;
   return CheckElements(sparse.value_view, sparse.value_offset, sparse.count, element_bytes,
-                       pointer + "/sparse/values");
+                       part("/sparse/values"));
 }
 
 // No sum or product here can overflow: each is checked against what is left.
 Status GltfAccessors::CheckElements(std::uint64_t view_number, std::uint64_t offset,
                                     std::uint64_t count, std::uint64_t element_bytes,
-                                    const std::string& pointer) {
-  if (Status status = CheckView(view_number, pointer); !status.ok()) return status;
+                                    const Checked& checked) {
+  if (Status status = CheckView(view_number, checked); !status.ok()) return status;
   if (count == 0) return {};
   const GltfView& view = document_.views[view_number];
   const std::uint64_t stride = view.stride == 0 ? element_bytes : view.stride;
   const bool fits = offset <= view.bytes && element_bytes <= view.bytes - offset &&
                     count - 1 <= (view.bytes - offset - element_bytes) / stride;
   if (fits) return {};
-  return AtPointer(pointer, std::to_string(count) + " elements of " +
-                                std::to_string(element_bytes) + " bytes, " +
-                                std::to_string(stride) + " apart, from byte " +
-                                std::to_string(offset) + " on, do not fit into the " +
-                                std::to_string(view.bytes) + " bytes of bufferView " +
-                                std::to_string(view_number));
+  return AtPointer(checked.pointer, std::to_string(count) + " elements of " +
+                                        std::to_string(element_bytes) + " bytes, " +
+                                        std::to_string(stride) + " apart, from byte " +
+                                        std::to_string(offset) + " on, do not fit into the " +
+                                        std::to_string(view.bytes) + " bytes of bufferView " +
+                                        std::to_string(view_number));
 }
 
-Status GltfAccessors::CheckView(std::uint64_t number, const std::string& pointer) {
+Status GltfAccessors::CheckView(std::uint64_t number, const Checked& checked) {
   if (number >= document_.views.size()) {
-    return AtPointer(pointer, "the bufferView " + std::to_string(number) +
-                                  " does not exist; the file has " +
-                                  std::to_string(document_.views.size()));
+    return AtPointer(checked.pointer, "the bufferView " + std::to_string(number) +
+                                          " does not exist; the file has " +
+                                          std::to_string(document_.views.size()));
   }
   const GltfView& view = document_.views[number];
   const std::string view_pointer = Pointer("bufferViews", number);
@@ -222,11 +224,13 @@ Status GltfAccessors::CheckView(std::uint64_t number, const std::string& pointer
                                        std::to_string(bytes) + " bytes of buffer " +
                                        std::to_string(view.buffer));
   }
-  return UseBuffer(view.buffer);
+  return UseBuffer(view.buffer, checked.is_needed);
 }
 
-Status GltfAccessors::UseBuffer(std::uint64_t number) {
+Status GltfAccessors::UseBuffer(std::uint64_t number, bool is_needed) {
   Buffer& used = buffers_[number];
+  if (used.is_broken) return AtPointer(Pointer("buffers", number), "is broken");
+  used.is_needed = used.is_needed || is_needed;
   if (used.is_used) return {};
   const GltfBuffer& buffer = document_.buffers[number];
   const std::string pointer = Pointer("buffers", number);
@@ -263,8 +267,12 @@ std::uint64_t GltfAccessors::DecodedBytes() const {
 
 Status GltfAccessors::Decode() {
   for (std::size_t i = 0; i < buffers_.size(); ++i) {
-    if (!buffers_[i].is_used) continue;
-    if (Status status = DecodeBuffer(i); !status.ok()) return status;
+    Buffer& buffer = buffers_[i];
+    if (!buffer.is_used) continue;
+    Status status = DecodeBuffer(i);
+    if (status.ok()) continue;
+    if (buffer.is_needed || poll_->stopped()) return status;
+    buffer.is_broken = true;
   }
   return {};
 }

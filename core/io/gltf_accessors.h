@@ -42,7 +42,8 @@ class GltfAccessors {
   /// The memory that Decode takes, at most.
   std::uint64_t DecodedBytes() const;
   /// Decodes the buffers that checked accessors use. kInvalidMesh if one is not valid base64, or is
-  /// shorter than it claims. Those of the poll.
+  /// shorter than it claims, and positions or indices are in it; the accessors of another such
+  /// buffer no longer pass Check. Those of the poll.
   Status Decode();
 
   /// Calls visit(i, element) for each element in order, then again for those that sparse values
@@ -83,10 +84,15 @@ class GltfAccessors {
     Elements values;
   };
 
+  // What is checked, for its errors.
+  struct Checked {
+    std::string pointer;
+    bool is_needed = false;  // the mesh is invalid without it
+  };
   Status CheckElements(std::uint64_t view, std::uint64_t offset, std::uint64_t count,
-                       std::uint64_t element_bytes, const std::string& pointer);
-  Status CheckView(std::uint64_t number, const std::string& pointer);
-  Status UseBuffer(std::uint64_t number);
+                       std::uint64_t element_bytes, const Checked& checked);
+  Status CheckView(std::uint64_t number, const Checked& checked);
+  Status UseBuffer(std::uint64_t number, bool is_needed);
   Status DecodeBuffer(std::uint64_t number);
   std::span<const std::byte> ViewBytes(std::uint64_t view) const;
   Elements ElementsOf(const GltfAccessor& accessor) const;
@@ -95,6 +101,8 @@ class GltfAccessors {
 
   struct Buffer {
     bool is_used = false;
+    bool is_needed = false;
+    bool is_broken = false;  // found when it was decoded
     std::span<const std::byte> bytes;
     std::vector<std::byte> decoded;
   };

@@ -460,6 +460,27 @@ constexpr AttributeKinds kAllKinds = {AttributeKind::kUv, AttributeKind::kShadin
                                       AttributeKind::kColor, AttributeKind::kGroup,
                                       AttributeKind::kEdges};
 
+TEST(GltfReader, MissesAttributesOfABrokenBufferAndReadsTheTriangles) {
+  GltfParts parts;
+  parts.views = R"([{"buffer": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48,
+    "byteLength": 6}, {"buffer": 1, "byteLength": 48}])";
+  parts.accessors = R"([{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+    {"bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR"},
+    {"bufferView": 2, "componentType": 5126, "count": 4, "type": "VEC3"}])";
+  parts.meshes =
+      R"([{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 2}, "indices": 1}]}])";
+  const std::string first = R"([{"byteLength": 54, "uri": "data:;base64,)" + Base64(parts.binary);
+  for (const char* second : {R"({"byteLength": 48, "uri": "data:;base64,????")",
+                             R"({"byteLength": 3, "uri": "data:;base64,AAAA")",
+                             R"({"byteLength": 48, "uri": "normals.bin")"}) {
+    const std::string text = parts.Json(first + "\"}, " + second + "}]");
+    ExpectCorners(text, kTriangle);
+    const auto mesh = ReadAttributes(test::Bytes(text), kAllKinds);
+    ASSERT_TRUE(mesh.ok()) << mesh.error().message;
+    EXPECT_TRUE(std::isnan(mesh->ShadingNormal(0, 0, 0).x));
+  }
+}
+
 TEST(GltfReader, ReadsAttributesOfEachPrimitiveAndNode) {
   GltfParts parts;
   parts.binary = RawList<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}) +         // positions, from byte 0
