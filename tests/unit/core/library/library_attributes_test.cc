@@ -26,6 +26,13 @@ std::vector<std::byte> Squares(int count) {
   return test::Bytes(text);
 }
 
+// One triangle, and very many texture coordinates that it does not use.
+std::vector<std::byte> LongFile(int count) {
+  std::string text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/1 3/1\n";
+  for (int i = 0; i < count; ++i) text += "vt 0.25 0.125\n";
+  return test::Bytes(text);
+}
+
 class LibraryAttributes : public test::LibraryTest {
  protected:
   LibraryAttributes() { Open(); }
@@ -55,7 +62,7 @@ TEST_F(LibraryAttributes, AreReadOnlyWhenTheyAreNamedAndThenKept) {
 }
 
 TEST_F(LibraryAttributes, OfAMeshWithoutThemTakeNoMemoryThatGrows) {
-  const TreeId id = Add(test::SphereBytes(1, 40));
+  const TreeId id = Add(test::SphereBytes(1, 10));
   const std::uint64_t before = library_->counters().memory_bytes;
   const auto attributes =
       MustLoad(id, {AttributeKind::kUv, AttributeKind::kShadingNormal, AttributeKind::kColor,
@@ -81,7 +88,7 @@ TEST_F(LibraryAttributes, AreSharedByTheBuildsOfAMeshAndDroppedWithIt) {
 }
 
 TEST_F(LibraryAttributes, AreReadOnceForAllWhoAskAtTheSameTime) {
-  const TreeId id = Add(Squares(20'000));
+  const TreeId id = Add(LongFile(50'000));
   std::vector<std::shared_ptr<const MeshAttributes>> results(4);
   std::vector<std::thread> threads;
   for (auto& result : results) {
@@ -109,7 +116,7 @@ TEST_F(LibraryAttributes, AreRefusedWhenMemoryIsFull) {
 }
 
 TEST_F(LibraryAttributes, StopSoonAfterTheLastWhoAskedHasLeft) {
-  const TreeId id = Add(Squares(300'000));
+  const TreeId id = Add(LongFile(500'000));
   for (const milliseconds after : {milliseconds(0), milliseconds(5)}) {
     const auto start = std::chrono::steady_clock::now();
     const auto late = library_->LoadAttributes(id, {AttributeKind::kUv}, test::Within(after));
