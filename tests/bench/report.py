@@ -1,6 +1,6 @@
 """Turns the benchmarks' results into tables and plots.
 
-  report.py tradeoff|images|mismatches|latency CSV COMMAND
+  report.py tradeoff|images|mismatches|latency|hits CSV COMMAND
   report.py trace|build|points FOLDER COMMAND
 
 Writes the section of that name in tests/bench/README.md, between its two marks, and the plots into
@@ -441,10 +441,40 @@ With 64 connections kdrayd answers {many:.2f} times as many requests a second as
 """)
 
 
+# ---- All hits ----
+
+
+def hits(rows, command):
+    speeds = defaultdict(dict)
+    parities = []
+    for row in rows:
+        if row["query"] == "parity":
+            parities.append([row["mesh"], f"{int(row['hits']):,}", row["mrays_median"]])
+        else:
+            speeds[row["mesh"], row["query"]][row["mode"]] = row
+    lines = []
+    for (mesh, query), modes in speeds.items():
+        speed = {mode: float(row["mrays_median"]) for mode, row in modes.items()}
+        best = max((mode for mode in speed if mode.startswith("embree")), key=speed.get)
+        ours = [f"{speed['kdray ' + precision]:.2f} (**{speed['kdray ' + precision] / speed[best]:.2f}**)"
+                for precision in PRECISIONS]
+        lines.append([mesh, query, best.removeprefix("embree "), f"{speed[best]:.2f}", *ours])
+    write_section("hits", f"""
+{conditions(command)} Millions of random rays a second; in brackets as a multiple of the faster of Embree's two ways.
+
+{table(['mesh', 'query', "Embree's faster way", 'Mrays/s', *PRECISIONS], lines)}
+
+Parities of counts in `exact`, on closed meshes:
+
+{table(['mesh', 'rays', 'wrong parities'], parities)}
+""")
+
+
 if __name__ == "__main__":
     what, path, said = sys.argv[1:]
     if what in ("trace", "build", "points"):
         {"trace": trace, "build": build, "points": points}[what](path, said)
         sys.exit()
     with open(path, newline="") as source:
-        {"tradeoff": tradeoff, "images": images, "mismatches": mismatches, "latency": latency}[what](list(csv.DictReader(source)), said)
+        {"tradeoff": tradeoff, "images": images, "mismatches": mismatches, "latency": latency,
+         "hits": hits}[what](list(csv.DictReader(source)), said)
