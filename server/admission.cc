@@ -37,28 +37,31 @@ api::Outcome<Admission::Turn> Admission::Enter(const core::CancelToken& cancel) 
                    .limit = static_cast<double>(max_running_ + max_queued_)};
   }
   const auto start = Clock::now();
-  Waiter waiter;
-  const auto place = waiters_.insert(waiters_.end(), &waiter);
-  while (!waiter.has_turn) {
+  const auto waiter = std::make_shared<Waiter>();
+  const auto place = waiters_.insert(waiters_.end(), waiter);
+  while (!waiter->has_turn) {
     if (cancel.ShouldStop()) {
       waiters_.erase(place);
       return StoppedWaiting(cancel);
     }
-    waiter.called.wait_until(lock, std::min(cancel.deadline(), Clock::now() + kLook));
+    waiter->called.wait_until(lock, std::min(cancel.deadline(), Clock::now() + kLook));
   }
   return Turn(this, std::chrono::duration<double, std::milli>(Clock::now() - start).count());
 }
 
 void Admission::Leave() {
-  const std::lock_guard lock(mutex_);
-  if (waiters_.empty()) {
-    --running_;
-    return;
+  std::shared_ptr<Waiter> next;
+  {
+    const std::lock_guard lock(mutex_);
+    if (waiters_.empty()) {
+      --running_;
+      return;
+    }
+    next = std::move(waiters_.front());
+    waiters_.pop_front();
+    next->has_turn = true;
   }
-  Waiter* const next = waiters_.front();
-  waiters_.pop_front();
-  next->has_turn = true;
-  // Under the lock: the waiter is gone once it sees the turn.
+  // Without the lock, which the waiter would meet at once.
   next->called.notify_one();
 }
 

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstddef>
 #include <list>
+#include <memory>
 #include <mutex>
 #include <utility>
 
@@ -51,15 +52,15 @@ class Admission {
  private:
   struct Waiter {
     std::condition_variable called;
-    bool has_turn = false;
+    bool has_turn = false;  ///< guarded by mutex_
   };
 
   void Leave();
 
   const std::size_t max_running_, max_queued_;
   mutable std::mutex mutex_;
-  std::size_t running_ = 0;     ///< turns, those of waiters that were called included
-  std::list<Waiter*> waiters_;  ///< without a turn, the first in line first
+  std::size_t running_ = 0;  ///< turns, those of waiters that were called included
+  std::list<std::shared_ptr<Waiter>> waiters_;  ///< without a turn, the first in line first
 };
 
 }  // namespace kdray::server
