@@ -1,6 +1,7 @@
 // Which files a TreeLibrary gives up when its store is full.
 #include <gtest/gtest.h>
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -111,6 +112,19 @@ TEST_F(StoreLimitTest, UploadsUnderWayAreTogetherNoLargerThanTheStore) {
   const auto never = library_->BeginUpload(3 * mesh_);
   ASSERT_FALSE(never.ok());
   EXPECT_EQ(never.error().code, ErrorCode::kMeshTooLarge);
+}
+
+TEST_F(StoreLimitTest, AnUploadOfUnknownSizeIsTooLargeOnceItCouldNeverFit) {
+  options_.store_limit_bytes = mesh_ - 1;
+  Open();
+  auto upload = library_->BeginUpload(0);
+  ASSERT_TRUE(upload.ok());
+  std::vector<std::byte> bytes = SphereBytes(1, kRings);
+  ASSERT_EQ(bytes.size(), mesh_);
+  EXPECT_TRUE(upload->Append(std::span(bytes).first(mesh_ - 1)).ok());
+  const core::Status last = upload->Append(std::span(bytes).last(1));
+  ASSERT_FALSE(last.ok());
+  EXPECT_EQ(last.error().code, ErrorCode::kMeshTooLarge);
 }
 
 TEST_F(StoreLimitTest, NoMeshGoesForAnUploadThatIsNotComplete) {
