@@ -247,6 +247,13 @@ class Metrics::Impl {
     past_deadline = &cancellations.Add({{"reason", "deadline"}});
     left_by_client = &cancellations.Add({{"reason", "client"}});
     shut_down = &cancellations.Add({{"reason", "shutdown"}});
+    auto& picture_rays = prometheus::BuildCounter()
+                             .Name("kdray_picture_rays_total")
+                             .Help("Rays traced for pictures, by kind: camera, shadow, occlusion.")
+                             .Register(registry);
+    camera_rays = &picture_rays.Add({{"kind", "camera"}});
+    shadow_rays = &picture_rays.Add({{"kind", "shadow"}});
+    occlusion_rays = &picture_rays.Add({{"kind", "occlusion"}});
     auto& info = prometheus::BuildGauge()
                      .Name("kdray_build_info")
                      .Help("Always 1; the label has the version of the daemon.")
@@ -271,6 +278,9 @@ class Metrics::Impl {
   Counter* past_deadline = nullptr;
   Counter* left_by_client = nullptr;
   Counter* shut_down = nullptr;
+  Counter* camera_rays = nullptr;
+  Counter* shadow_rays = nullptr;
+  Counter* occlusion_rays = nullptr;
   Counter& received = AddCounter(registry, "kdray_http_received_body_bytes_total",
                                  "Bytes of requests' bodies, as sent, without chunk framing.");
   Counter& sent =
@@ -320,6 +330,12 @@ void Metrics::GotTurn(double waited_ms) noexcept { impl_->queue_seconds.Observe(
 void Metrics::CountRows(std::string_view route, std::string_view precision,
                         std::uint64_t rows) noexcept {
   impl_->rows.Count(route, precision, rows);
+}
+
+void Metrics::CountPicture(const api::RenderCounts& counts) noexcept {
+  impl_->camera_rays->Increment(static_cast<double>(counts.camera_rays));
+  impl_->shadow_rays->Increment(static_cast<double>(counts.shadow_rays));
+  impl_->occlusion_rays->Increment(static_cast<double>(counts.occlusion_rays));
 }
 
 std::string Metrics::Text(const CurrentValues& now) const {

@@ -49,6 +49,8 @@ class Metrics {
   /// A query answered `rows` rows in `precision`, by its name in the contract. `route` is a route's
   /// template; nothing is counted for routes without queries.
   void CountRows(std::string_view route, std::string_view precision, std::uint64_t rows) noexcept;
+  /// The rays of a picture, by kind.
+  void CountPicture(const api::RenderCounts& counts) noexcept;
 
   /// All of them in the text format 0.0.4 of Prometheus.
   std::string Text(const CurrentValues& now) const;

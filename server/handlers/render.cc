@@ -46,6 +46,7 @@ api::Outcome<HttpResponse> AnswerRender(const HandlerContext& context, RoutedReq
   auto answer = computation->tree->Render(request, form == ImageForm::kPng, computation->cancel);
   if (!answer) return limit.Explain(std::move(answer).problem());
   routed.timing.trace_ms = answer->trace_ms;
+  context.metrics.CountPicture(answer->counts);
 
   const Stopwatch encoding;
   HttpResponse response;

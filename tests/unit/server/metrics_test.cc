@@ -106,7 +106,8 @@ TEST(Metrics, FollowTheRulesOfPrometheusForNames) {
       EXPECT_EQ(name.find(word), std::string::npos) << name;
     }
     for (const char* ending : {"_count", "_sum", "_bucket"}) EXPECT_FALSE(name.ends_with(ending));
-    if (type == "histogram") EXPECT_TRUE(name.ends_with("_seconds")) << name;
+    EXPECT_EQ(name.ends_with("_seconds"), type == "histogram" || name.starts_with("process_"))
+        << name;
     EXPECT_THAT(type, testing::AnyOf("counter", "gauge", "histogram"));
   }
   std::set<std::string> units;
@@ -170,6 +171,18 @@ TEST(Metrics, CountRowsByQueryAndPrecision) {
   EXPECT_EQ(Value(metrics, "kdray_rays_total{precision=\"watertight\",query=\"closest\"}"), 100);
   EXPECT_EQ(Value(metrics, "kdray_rays_total{precision=\"exact\",query=\"any\"}"), 5);
   EXPECT_EQ(Value(metrics, "kdray_rays_total{precision=\"fast\",query=\"any\"}"), 0);
+}
+
+TEST(Metrics, CountTheRaysOfPicturesByKind) {
+  Metrics metrics(Routes());
+  api::RenderCounts counts;
+  counts.camera_rays = 100;
+  counts.shadow_rays = 7;
+  metrics.CountPicture(counts);
+  metrics.CountPicture(counts);
+  EXPECT_EQ(Value(metrics, "kdray_picture_rays_total{kind=\"camera\"}"), 200);
+  EXPECT_EQ(Value(metrics, "kdray_picture_rays_total{kind=\"shadow\"}"), 14);
+  EXPECT_EQ(Value(metrics, "kdray_picture_rays_total{kind=\"occlusion\"}"), 0);
 }
 
 TEST(Metrics, TellWhyWorkWasCancelled) {
