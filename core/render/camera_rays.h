@@ -1,6 +1,10 @@
 // Rays through many points of one image, cheaper than Camera::RayThrough for each.
 #pragma once
 
+#include <algorithm>
+#include <limits>
+
+#include "core/geometry/bounds3.h"
 #include "core/geometry/ray.h"
 #include "core/render/camera.h"
 
@@ -27,6 +31,24 @@ class CameraRays {
 
   const Camera& camera() const { return camera_; }
 
+  /// Whether rays in single precision show the same: the eye is off by less than 2^-20 of the mesh,
+  /// and a direction by less than a hundredth of a pixel. Perspective only. Depends only on mesh
+  /// and camera, so all regions of an image agree.
+  bool FitFloat(const Bounds3d& bounds) const {
+    if (camera_.projection != Projection::kPerspective) return false;
+    const Vec3d moved = Vec3d(Vec3f(camera_.eye)) - camera_.eye;
+    if (!(MaxAbs(moved) <= 0x1p-20 * MaxAbs(bounds.Extent()))) return false;
+    const double pixel = std::min(MaxAbs(x_.direction), MaxAbs(y_.direction));
+    double largest = 0;
+    for (const double x : {0.0, 1.0 * camera_.width}) {
+      for (const double y : {0.0, 1.0 * camera_.height}) {
+        largest = std::max(largest, MaxAbs(camera_.RayThrough(x, y).direction));
+      }
+    }
+    // Three roundings, each to 2^-24 of the largest component.
+    return 0x1p-22 * largest <= 0.01 * pixel && largest <= 0x1p20;
+  }
+
   /// Rays near one point, by their distance from it.
   class Around {
    public:
@@ -50,6 +72,30 @@ class CameraRays {
     const CameraRays& rays_;
     double x_px_, y_px_;
     Ray ray_;
+  };
+
+  /// The same in single precision, if FitFloat.
+  class AroundInFloat {
+   public:
+    AroundInFloat(const CameraRays& rays, double x_px, double y_px)
+        : from_(Widened(Vec3f(rays.camera_.eye), 0)),
+          to_(Widened(
+              Vec3f(rays.corner_.direction + rays.x_.direction * x_px + rays.y_.direction * y_px),
+              std::numeric_limits<float>::infinity())),
+          x_(Widened(Vec3f(rays.x_.direction), 0)),
+          y_(Widened(Vec3f(rays.y_.direction), 0)) {}
+    void Write(float dx_px, float dy_px, RayF* ray) const {
+      const Four to = to_ + x_ * dx_px + y_ * dy_px;
+      __builtin_memcpy(static_cast<void*>(&ray->origin), &from_, sizeof(from_));
+      __builtin_memcpy(static_cast<void*>(&ray->direction), &to, sizeof(to));
+    }
+
+   private:
+    // Half a ray: origin and t_min, or direction and t_max.
+    using Four = float __attribute__((vector_size(16)));
+    static Four Widened(const Vec3f& v, float fourth) { return Four{v.x, v.y, v.z, fourth}; }
+
+    Four from_, to_, x_, y_;
   };
 
  private:

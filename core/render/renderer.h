@@ -20,6 +20,7 @@
 #include "core/render/framing.h"
 #include "core/render/light.h"
 #include "core/render/render_counts.h"
+#include "core/render/surface_value.h"
 #include "core/scene/scene.h"
 
 namespace kdray::core {
@@ -61,6 +62,11 @@ struct RenderSpec {
   std::optional<std::vector<Light>> lights = std::nullopt;
   /// kShaded: surfaces hide lights from each other; the headlight is hidden from none that is seen.
   bool shadows = false;
+  /// kShaded: unit normals that replace those of the triangles in the cosine to a light; empty:
+  /// none. The triangle's normal alone decides which side of the surface is seen and lit.
+  SurfaceValue smooth_normals = nullptr;
+  /// kShaded: linear colours that replace `color`, each 0..1; empty: none.
+  SurfaceValue file_colors = nullptr;
   /// kAmbientOcclusion: surfaces farther than this do not count, world units, > 0; nullopt:
   /// DefaultAoRadius.
   std::optional<double> ao_radius = std::nullopt;

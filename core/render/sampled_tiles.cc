@@ -40,6 +40,11 @@ SampledTiles::SampledTiles(const Scene& scene, const RenderSpec& spec, const Sam
       rule_(rule),
       trace_options_(trace_options),
       rays_(image->camera),
+      // `fast` and `watertight` compute in float anyway.
+      float_rays_(!rule.centre &&
+                  (trace_options.precision == Precision::kFast ||
+                   trace_options.precision == Precision::kWatertight) &&
+                  rays_.FitFloat(image->bounds)),
       shader_(scene, spec, trace_options),
       lines_(lines),
       pool_(pool),
@@ -59,67 +64,79 @@ TileSums SampledTiles::Begin(const Tile& tile) {
           .line_hits = {}};
 }
 
-// The samples [first, first + count) of a pixel.
+// Appends the samples [first, first + count) of a pixel to the rays.
 void SampledTiles::AddRays(const Tile& tile, std::uint32_t pixel, std::uint32_t first,
                            std::uint32_t count, TileScratch* scratch) const {
   const auto width = static_cast<std::uint32_t>(tile.width());
   const int x = tile.x0 + static_cast<int>(pixel % width);
   const int y = tile.y0 + static_cast<int>(pixel / width);
+  const std::size_t begin = scratch->ray_count;
+  scratch->ray_count += count;
+  if (rule_.centre) {
+    scratch->rays[begin] = image_->camera.RayThrough(x + 0.5, y + 0.5);
+    if (!shader_.needs_directions()) return;
+  }
   const PixelSampler sampler(seed_, x, y);
   if (shader_.needs_directions()) {
     for (std::uint32_t n = first; n < first + count; ++n) {
       scratch->directions.push_back(sampler.Direction(n));
     }
   }
-  if (rule_.centre) {
-    scratch->rays.push_back(image_->camera.RayThrough(x + 0.5, y + 0.5));
+  if (rule_.centre) return;
+  const PixelFilter& filter = PixelFilter::Get();
+  if (float_rays_) {
+    const CameraRays::AroundInFloat around(rays_, x + 0.5, y + 0.5);
+    RayF* ray = scratch->float_rays.data() + begin;
+    for (std::uint32_t n = first; n < first + count; ++n, ++ray) {
+      const SampleWords at = sampler[n];
+      around.Write(filter.Offset(at.x), filter.Offset(at.y), ray);
+    }
     return;
   }
-  const PixelFilter& filter = PixelFilter::Get();
   const CameraRays::Around around(rays_, x + 0.5, y + 0.5);
-  for (std::uint32_t n = first; n < first + count; ++n) {
+  Ray* ray = scratch->rays.data() + begin;
+  for (std::uint32_t n = first; n < first + count; ++n, ++ray) {
     const SampleWords at = sampler[n];
-    scratch->rays.push_back(around.At(static_cast<double>(filter.Offset(at.x)),
-                                      static_cast<double>(filter.Offset(at.y))));
+    *ray = around.At(static_cast<double>(filter.Offset(at.x)),
+                     static_cast<double>(filter.Offset(at.y)));
   }
 }
 
 // Closest hits and values of the rays.
-Status SampledTiles::Trace(TileScratch* scratch) const {
-  scratch->hits.resize(scratch->rays.size());
-  scratch->counts.camera_rays += scratch->rays.size();
-  Status status =
-      TraceClosest(scene_, std::span<const Ray>(scratch->rays), trace_options_, scratch->hits);
+Status SampledTiles::Trace(const RayBatch& rays, TileScratch* scratch) const {
+  scratch->hits.resize(rays.size());
+  scratch->counts.camera_rays += rays.size();
+  Status status = TraceClosest(scene_, rays, trace_options_, scratch->hits);
   if (!status.ok()) return status;
-  return shader_.Shade(scratch);
+  return shader_.Shade(rays, scratch);
 }
 
 Status SampledTiles::Refine(int target, TileSums* sums) const {
   const ScratchPool::Lease lease(pool_);
   TileScratch* const scratch = lease.get();
-  const auto clear = [&] {
-    scratch->rays.clear();
-    scratch->directions.clear();
-  };
-  clear();
   std::vector<Run> runs;
+  const auto begin_batch = [&] {
+    scratch->ray_count = 0;
+    scratch->directions.clear();
+    runs.clear();
+  };
+  begin_batch();
   const auto all = static_cast<std::uint32_t>(target);
   if (lines_.draws_lines() && sums->line_opacity.empty()) {
     sums->line_hits.resize(sums->pixels.size() * static_cast<std::size_t>(target));
   }
-  for (const std::uint32_t i : PixelOrder(sums->tile.width(), sums->tile.height())) {
+  for (const std::uint32_t i : scratch->OrderOf(sums->tile.width(), sums->tile.height())) {
     const PixelSums& pixel = sums->pixels[i];
     if (pixel.stopped) continue;
     for (std::uint32_t n = pixel.samples; n < all;) {
-      const auto room = static_cast<std::uint32_t>(kRaysPerBatch - scratch->rays.size());
+      const auto room = static_cast<std::uint32_t>(kRaysPerBatch - scratch->ray_count);
       const std::uint32_t count = std::min(all - n, room);
       AddRays(sums->tile, i, n, count, scratch);
       runs.push_back({i, count});
       n += count;
-      if (scratch->rays.size() < kRaysPerBatch) continue;
+      if (scratch->ray_count < kRaysPerBatch) continue;
       if (Status status = FinishBatch(target, runs, scratch, sums); !status.ok()) return status;
-      runs.clear();
-      clear();
+      begin_batch();
     }
   }
   if (!runs.empty()) {
@@ -140,24 +157,33 @@ Status SampledTiles::Refine(int target, TileSums* sums) const {
 
 Status SampledTiles::FinishBatch(int target, std::span<const Run> runs, TileScratch* scratch,
                                  TileSums* sums) const {
-  if (Status status = Trace(scratch); !status.ok()) return status;
-  std::size_t i = 0;
+  const std::size_t ray_count = scratch->ray_count;
+  const RayBatch rays = float_rays_
+                            ? RayBatch(std::span<const RayF>(scratch->float_rays).first(ray_count))
+                            : RayBatch(std::span<const Ray>(scratch->rays).first(ray_count));
+  if (Status status = Trace(rays, scratch); !status.ok()) return status;
+  const Hit* hit = scratch->hits.data();
+  const Vec3f* value = scratch->values.data();
   for (const Run& run : runs) {
     PixelSums& pixel = sums->pixels[run.pixel];
-    const std::size_t first_of_pixel = run.pixel * static_cast<std::size_t>(target);
-    for (std::uint32_t k = 0; k < run.count; ++k, ++i) {
-      if (!sums->line_hits.empty()) {
-        sums->line_hits[first_of_pixel + pixel.samples + k] = scratch->hits[i];
-      }
-      const bool is_hit = scratch->hits[i].IsHit();
-      const Vec3f& value = scratch->values[i];
-      pixel.sum = pixel.sum + Vec3d(value);
-      pixel.misses += is_hit ? 0 : 1;
-      if (rule_.estimates) {
-        pixel.AddLuminance(is_hit ? shader_.LuminanceOf(value) : background_luminance_);
-      }
+    if (!sums->line_hits.empty()) {
+      const std::size_t first = run.pixel * static_cast<std::size_t>(target) + pixel.samples;
+      std::copy_n(hit, run.count, sums->line_hits.begin() + static_cast<std::ptrdiff_t>(first));
+    }
+    Vec3d sum = pixel.sum;
+    std::uint32_t hit_count = 0;
+    for (std::uint32_t k = 0; k < run.count; ++k) {
+      sum = sum + Vec3d(value[k]);
+      hit_count += hit[k].IsHit() ? 1 : 0;
+    }
+    pixel.sum = sum;
+    pixel.misses += run.count - hit_count;
+    for (std::uint32_t k = 0; rule_.estimates && k < run.count; ++k) {
+      pixel.AddLuminance(hit[k].IsHit() ? shader_.LuminanceOf(value[k]) : background_luminance_);
     }
     pixel.samples += run.count;
+    hit += run.count;
+    value += run.count;
   }
   return {};
 }
@@ -192,14 +218,14 @@ Status SampledTiles::RenderSmooth(TileSums* sums) const {
   {
     const ScratchPool::Lease lease(pool_);
     TileScratch* const scratch = lease.get();
-    scratch->rays.clear();
-    const std::vector<std::uint32_t> order = PixelOrder(wide.width(), wide.height());
-    for (const std::uint32_t i : order) {
-      scratch->rays.push_back(
-          image_->camera.RayThrough(wide.x0 + static_cast<int>(i % width) + 0.5,
-                                    wide.y0 + static_cast<int>(i / width) + 0.5));
+    const std::vector<std::uint32_t>& order = scratch->OrderOf(wide.width(), wide.height());
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      const std::uint32_t i = order[k];
+      scratch->rays[k] = image_->camera.RayThrough(wide.x0 + static_cast<int>(i % width) + 0.5,
+                                                   wide.y0 + static_cast<int>(i / width) + 0.5);
     }
-    if (Status status = Trace(scratch); !status.ok()) return status;
+    const auto rays = std::span<const Ray>(scratch->rays).first(order.size());
+    if (Status status = Trace(rays, scratch); !status.ok()) return status;
     for (std::size_t k = 0; k < order.size(); ++k) {
       centres[order[k]] = {scratch->hits[k].IsHit(), scratch->values[k]};
     }

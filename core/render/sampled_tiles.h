@@ -44,7 +44,7 @@ class SampledTiles {
 
   void AddRays(const Tile& tile, std::uint32_t pixel, std::uint32_t first, std::uint32_t count,
                TileScratch* scratch) const;
-  Status Trace(TileScratch* scratch) const;
+  Status Trace(const RayBatch& rays, TileScratch* scratch) const;
   Status FinishBatch(int target, std::span<const Run> runs, TileScratch* scratch,
                      TileSums* sums) const;
   Status DrawLines(int samples, std::span<const Hit> hits, TileSums* sums) const;
@@ -60,6 +60,7 @@ class SampledTiles {
   const SamplingRule rule_;
   const TraceOptions trace_options_;
   const CameraRays rays_;
+  const bool float_rays_;
   const Shader shader_;
   const TileRenderer& lines_;
   ScratchPool* const pool_;
@@ -68,12 +69,8 @@ class SampledTiles {
   double background_luminance_;
 };
 
-/// Rays of one batch: enough for kernels that trace coherent rays together, few enough to stay in
-/// the second-level cache with their hits.
-inline constexpr int kRaysPerBatch = 4096;
-
 /// Side of the tiles of RenderSmooth, whose batch has one pixel more on each side.
 inline constexpr int kSmoothTileSide = 56;
-static_assert((kSmoothTileSide + 2) * (kSmoothTileSide + 2) <= kRaysPerBatch);
+static_assert(std::size_t{kSmoothTileSide + 2} * (kSmoothTileSide + 2) <= kRaysPerBatch);
 
 }  // namespace kdray::core

@@ -78,6 +78,8 @@ Shader::Shader(const Scene& scene, const RenderSpec& spec, const TraceOptions& t
       }()),
       has_lights_(spec.lights.has_value()),
       shadows_(spec.shadows),
+      smooth_normals_(spec.smooth_normals),
+      file_colors_(spec.file_colors),
       ao_radius_(spec.ao_radius.value_or(DefaultAoRadius(scene.mesh->bounds()))) {
   if (!spec.lights) return;
   for (const Light& light : *spec.lights) lights_.emplace_back(light, mesh_.bounds());
@@ -94,24 +96,29 @@ double Shader::LuminanceOf(const Vec3f& value) const {
   }
 }
 
-Status Shader::Shade(TileScratch* scratch) const {
+Status Shader::Shade(const RayBatch& rays, TileScratch* scratch) const {
   scratch->values.resize(scratch->hits.size());
   switch (mode_) {
     case RenderMode::kNormal:
       WriteNormals(scratch);
       return {};
     case RenderMode::kAmbientOcclusion:
-      return FindOcclusion(scratch);
+      return FindOcclusion(rays, scratch);
     default:
       break;
   }
-  if (has_lights_) return ShadeByLights(scratch);
+  if (has_lights_ || smooth_normals_ || file_colors_) return ShadeByLights(rays, scratch);
   // Shadows are no question here: the viewer sees all that the light at the eye meets.
-  ShadeByHeadlight(scratch);
+  if (const RayF* floats = rays.floats()) {
+    ShadeByHeadlight(floats, scratch);
+  } else {
+    ShadeByHeadlight(rays.doubles(), scratch);
+  }
   return {};
 }
 
-void Shader::ShadeByHeadlight(TileScratch* scratch) const {
+template <class T>
+void Shader::ShadeByHeadlight(const RayOf<T>* rays, TileScratch* scratch) const {
   for (std::size_t i = 0; i < scratch->hits.size(); ++i) {
     const Hit& hit = scratch->hits[i];
     if (!hit.IsHit()) {
@@ -119,7 +126,7 @@ void Shader::ShadeByHeadlight(TileScratch* scratch) const {
       continue;
     }
     const Vec3f& normal = scratch->normal_cache.Normal(mesh_, hit.primitive_id, &scratch->counts);
-    scratch->values[i] = color_ * HeadlightCosine(Vec3d(normal), scratch->rays[i].direction);
+    scratch->values[i] = color_ * HeadlightCosine(Vec3<T>(normal), rays[i].direction);
   }
 }
 
@@ -132,30 +139,72 @@ void Shader::WriteNormals(TileScratch* scratch) const {
   }
 }
 
-// Fills scratch->normals: on the viewer's side of the triangle.
-void Shader::FaceViewer(TileScratch* scratch) const {
+// Fills scratch->normals, on the viewer's side of the triangle, and with smooth_normals_
+// scratch->smooth_normals, on the same side.
+void Shader::FaceViewer(const RayBatch& rays, TileScratch* scratch) const {
   scratch->normals.resize(scratch->hits.size());
   for (std::size_t i = 0; i < scratch->hits.size(); ++i) {
     const Hit& hit = scratch->hits[i];
     if (!hit.IsHit()) continue;
     const Vec3f& normal = scratch->normal_cache.Normal(mesh_, hit.primitive_id, &scratch->counts);
-    const bool is_back = Dot(Vec3d(normal), scratch->rays[i].direction) > 0;
+    const bool is_back = Dot(Vec3d(normal), rays[i].direction) > 0;
     scratch->normals[i] = is_back ? -normal : normal;
+  }
+  if (!smooth_normals_) return;
+  scratch->smooth_normals = scratch->normals;
+  for (std::size_t i = 0; i < scratch->hits.size(); ++i) {
+    const Hit& hit = scratch->hits[i];
+    if (!hit.IsHit()) continue;
+    const Vec3f smooth(smooth_normals_(hit.primitive_id, hit.u, hit.v));
+    if (!IsFinite(smooth)) continue;
+    scratch->smooth_normals[i] = Dot(smooth, scratch->normals[i]) < 0 ? -smooth : smooth;
   }
 }
 
-Status Shader::ShadeByLights(TileScratch* scratch) const {
+Status Shader::ShadeByLights(const RayBatch& rays, TileScratch* scratch) const {
   std::fill(scratch->values.begin(), scratch->values.end(), Vec3f{});
-  FaceViewer(scratch);
+  FaceViewer(rays, scratch);
+  if (!has_lights_) AddHeadlight(rays, scratch);
   for (const LightSource& light : lights_) {
     if (Status status = AddLight(light, scratch); !status.ok()) return status;
   }
-  for (Vec3f& value : scratch->values) {
-    value = {ToFloat(static_cast<double>(value.x) * static_cast<double>(color_.x)),
-             ToFloat(static_cast<double>(value.y) * static_cast<double>(color_.y)),
-             ToFloat(static_cast<double>(value.z) * static_cast<double>(color_.z))};
-  }
+  MultiplyByColors(scratch);
   return {};
+}
+
+void Shader::AddHeadlight(const RayBatch& rays, TileScratch* scratch) const {
+  for (std::uint32_t i = 0; i < scratch->hits.size(); ++i) {
+    if (!scratch->hits[i].IsHit()) continue;
+    const double cosine = CosineOf(-Normalized(rays[i].direction), i, *scratch);
+    const float light = cosine > 0 ? static_cast<float>(cosine) : 0.0f;
+    scratch->values[i] = {light, light, light};
+  }
+}
+
+// Between the surface's normal and the unit vector to a light; at most 0 if the light is on the
+// other side of the triangle.
+double Shader::CosineOf(const Vec3d& to_light, std::uint32_t sample,
+                        const TileScratch& scratch) const {
+  // A triangle whose normal double cannot resolve is at most a line; black looks like a crack.
+  if (IsZero(scratch.normals[sample])) return 1;
+  const double cosine = std::min(Dot(Vec3d(scratch.normals[sample]), to_light), 1.0);
+  if (!smooth_normals_ || !(cosine > 0)) return cosine;
+  return std::min(Dot(Vec3d(scratch.smooth_normals[sample]), to_light), 1.0);
+}
+
+void Shader::MultiplyByColors(TileScratch* scratch) const {
+  for (std::size_t i = 0; i < scratch->hits.size(); ++i) {
+    const Hit& hit = scratch->hits[i];
+    if (!hit.IsHit()) continue;
+    Vec3d color(color_);
+    if (file_colors_) {
+      const Vec3d own = file_colors_(hit.primitive_id, hit.u, hit.v);
+      if (IsFinite(own)) color = own;
+    }
+    const Vec3d value(scratch->values[i]);
+    scratch->values[i] = {ToFloat(value.x * color.x), ToFloat(value.y * color.y),
+                          ToFloat(value.z * color.z)};
+  }
 }
 
 Status Shader::AddLight(const LightSource& light, TileScratch* scratch) const {
@@ -165,10 +214,7 @@ Status Shader::AddLight(const LightSource& light, TileScratch* scratch) const {
     const Hit& hit = scratch->hits[i];
     if (!hit.IsHit()) continue;
     const LightSource::Arrival arrival = light.At(light.is_point() ? PointOf(hit) : Vec3d{});
-    // A triangle whose normal double cannot resolve is at most a line; black looks like a crack.
-    const bool is_line = IsZero(scratch->normals[i]);
-    const double cosine =
-        is_line ? 1.0 : std::min(Dot(Vec3d(scratch->normals[i]), arrival.to_light), 1.0);
+    const double cosine = CosineOf(arrival.to_light, i, *scratch);
     if (!(cosine > 0)) continue;
     const Vec3f value = {ToFloat(arrival.r * cosine), ToFloat(arrival.g * cosine),
                          ToFloat(arrival.b * cosine)};
@@ -209,9 +255,9 @@ Status Shader::AddVisible(TileScratch* scratch) const {
   return {};
 }
 
-Status Shader::FindOcclusion(TileScratch* scratch) const {
+Status Shader::FindOcclusion(const RayBatch& rays, TileScratch* scratch) const {
   std::fill(scratch->values.begin(), scratch->values.end(), Vec3f{});
-  FaceViewer(scratch);
+  FaceViewer(rays, scratch);
   scratch->secondary_rays.clear();
   scratch->contributions.clear();
   for (std::uint32_t i = 0; i < scratch->hits.size(); ++i) {

@@ -26,11 +26,11 @@ class Shader {
   Shader(const Scene& scene, const RenderSpec& spec, const TraceOptions& trace_options);
 
   /// Fills scratch->values with a value for each of scratch->hits, which are the closest hits of
-  /// scratch->rays; 0 0 0 for a miss. kShaded: linear light reflected to the viewer, at most the
+  /// `rays`; 0 0 0 for a miss. kShaded: linear light reflected to the viewer, at most the
   /// largest float. kNormal: the unit normal. kAmbientOcclusion: 1 or 0 in x, by one ray whose
   /// direction scratch->directions decides. Each value depends only on its own ray, hit and
   /// direction. Errors: kCancelled, kDeadlineExceeded.
-  Status Shade(TileScratch* scratch) const;
+  Status Shade(const RayBatch& rays, TileScratch* scratch) const;
 
   bool needs_directions() const { return mode_ == RenderMode::kAmbientOcclusion; }
 
@@ -38,12 +38,16 @@ class Shader {
   double LuminanceOf(const Vec3f& value) const;
 
  private:
-  void ShadeByHeadlight(TileScratch* scratch) const;
+  template <class T>
+  void ShadeByHeadlight(const RayOf<T>* rays, TileScratch* scratch) const;
   void WriteNormals(TileScratch* scratch) const;
-  Status ShadeByLights(TileScratch* scratch) const;
+  Status ShadeByLights(const RayBatch& rays, TileScratch* scratch) const;
+  void AddHeadlight(const RayBatch& rays, TileScratch* scratch) const;
   Status AddLight(const LightSource& light, TileScratch* scratch) const;
-  Status FindOcclusion(TileScratch* scratch) const;
-  void FaceViewer(TileScratch* scratch) const;
+  double CosineOf(const Vec3d& to_light, std::uint32_t sample, const TileScratch& scratch) const;
+  void MultiplyByColors(TileScratch* scratch) const;
+  Status FindOcclusion(const RayBatch& rays, TileScratch* scratch) const;
+  void FaceViewer(const RayBatch& rays, TileScratch* scratch) const;
   Status AddVisible(TileScratch* scratch) const;
   Vec3d PointOf(const Hit& hit) const;
 
@@ -54,6 +58,8 @@ class Shader {
   const Vec3f color_;  // linear
   const bool has_lights_;
   const bool shadows_;
+  const SurfaceValue smooth_normals_;
+  const SurfaceValue file_colors_;
   std::vector<LightSource> lights_;
   const double ao_radius_;
 };

@@ -23,12 +23,6 @@ Vec3d UnitNormal(const TriangleMesh& mesh, PrimitiveId id) {
   return MaxAbs(normal) > 0 ? NormalizedAtAnyScale(normal) : Vec3d{};
 }
 
-float HeadlightCosine(const Vec3d& unit_normal, const Vec3d& ray_direction) {
-  if (unit_normal == Vec3d{}) return 1.0f;
-  const double cosine = std::abs(Dot(unit_normal, ray_direction)) / Length(ray_direction);
-  return static_cast<float>(std::min(cosine, 1.0));
-}
-
 double DiagonalOf(const Bounds3d& bounds) {
   const Vec3d extent = bounds.Extent();
   const double side = MaxAbs(extent);

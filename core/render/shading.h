@@ -1,6 +1,9 @@
 // The appearance of a hit.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include "core/geometry/bounds3.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/triangle_mesh.h"
@@ -17,7 +20,12 @@ Vec3d UnitNormal(const TriangleMesh& mesh, PrimitiveId id);
 /// The share of a headlight's light that a surface reflects to the eye: |cos| between the normal
 /// and the viewing ray, two-sided (Lambert, 1760). 1 for a zero normal: such a triangle is at most
 /// a line in a picture, and black would look like a crack.
-float HeadlightCosine(const Vec3d& unit_normal, const Vec3d& ray_direction);
+template <class T>
+float HeadlightCosine(const Vec3<T>& unit_normal, const Vec3<T>& ray_direction) {
+  if (unit_normal == Vec3<T>{}) return 1.0f;
+  const T cosine = std::abs(Dot(unit_normal, ray_direction)) / Length(ray_direction);
+  return static_cast<float>(std::min(cosine, T(1)));
+}
 
 /// The length of a box's diagonal, at any scale.
 double DiagonalOf(const Bounds3d& bounds);

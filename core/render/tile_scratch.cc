@@ -1,5 +1,6 @@
 #include "core/render/tile_scratch.h"
 
+#include "core/render/pixel_order.h"
 #include "core/render/shading.h"
 
 namespace kdray::core {
@@ -9,6 +10,15 @@ void NormalCache::Fill(const TriangleMesh& mesh, PrimitiveId id, Entry* entry,
   entry->id = id;
   entry->normal = Vec3f(UnitNormal(mesh, id));
   ++counts->normals;
+}
+
+const std::vector<std::uint32_t>& TileScratch::OrderOf(int width, int height) {
+  if (width != order_width_ || height != order_height_) {
+    order_ = PixelOrder(width, height);
+    order_width_ = width;
+    order_height_ = height;
+  }
+  return order_;
 }
 
 RenderCounts ScratchPool::Counts() const {

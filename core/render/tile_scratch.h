@@ -41,10 +41,18 @@ class NormalCache {
   std::array<Entry, kEntries> entries_;
 };
 
+/// Rays of one batch: enough for kernels that trace coherent rays together, few enough to stay in
+/// the second-level cache with their hits.
+inline constexpr std::size_t kRaysPerBatch = 4096;
+
 /// Arrays of a batch; each user resizes what it needs.
 struct TileScratch {
-  std::vector<Ray> rays;
-  std::vector<Hit> hits;
+  /// Room for kRaysPerBatch rays of the camera, in double or single precision; ray_count are set.
+  /// Not resized, because initialising a ray costs as much as making it.
+  std::vector<Ray> rays = std::vector<Ray>(kRaysPerBatch);
+  std::vector<RayF> float_rays = std::vector<RayF>(kRaysPerBatch);
+  std::size_t ray_count = 0;
+  std::vector<Hit> hits;                ///< of the ray_count rays
   std::vector<SampleWords> directions;  ///< random numbers of secondary rays
   std::vector<Vec3f> values;            ///< of the samples
   std::vector<Vec3f> normals;           ///< of the samples, towards the viewer
@@ -58,6 +66,13 @@ struct TileScratch {
   std::vector<Contribution> contributions;  ///< of the secondary rays, if they are not occluded
   NormalCache normal_cache;
   RenderCounts counts;
+
+  /// PixelOrder of a tile of that size, made anew only when the size changes.
+  const std::vector<std::uint32_t>& OrderOf(int width, int height);
+
+ private:
+  int order_width_ = 0, order_height_ = 0;
+  std::vector<std::uint32_t> order_;
 };
 
 /// Hands out scratch memory. Safe from many threads at once. The counts are complete when all is

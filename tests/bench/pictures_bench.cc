@@ -35,37 +35,50 @@ double Now() {
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
-// Calls f with the rays of each tile of the picture, in the order of the renderer.
+// Calls f with the rays of each tile of the picture, in the order and the precision of the
+// renderer.
 template <class F>
-void ForEachTile(const core::Camera& camera, int samples, const F& f) {
+void ForEachTile(const core::Scene& scene, const core::Camera& camera, int samples, const F& f) {
   const core::CameraRays rays(camera);
+  const bool in_float = samples > 1 && rays.FitFloat(scene.mesh->bounds());
   const core::PixelFilter& filter = core::PixelFilter::Get();
   const int side = std::max(8, static_cast<int>(std::sqrt(4096.0 / samples)) / 8 * 8);
   const core::TileGrid tiles({0, 0, kWidth, kHeight}, side);
-  std::vector<core::Ray> batch;
+  std::vector<core::Ray> doubles;
+  std::vector<core::RayF> floats;
   for (std::size_t i = 0; i < tiles.size(); ++i) {
-    batch.clear();
+    doubles.clear();
+    floats.clear();
     const core::Tile tile = tiles[i];
     for (const std::uint32_t pixel : core::PixelOrder(tile.width(), tile.height())) {
       const int x = tile.x0 + static_cast<int>(pixel) % tile.width();
       const int y = tile.y0 + static_cast<int>(pixel) / tile.width();
       const core::PixelSampler sampler(0, x, y);
       const core::CameraRays::Around around(rays, x + 0.5, y + 0.5);
+      const core::CameraRays::AroundInFloat around_in_float(rays, x + 0.5, y + 0.5);
       for (std::uint32_t n = 0; n < static_cast<std::uint32_t>(samples); ++n) {
-        const core::SampleWords at = sampler[n];
-        batch.push_back(samples == 1 ? camera.RayThrough(x + 0.5, y + 0.5)
-                                     : around.At(static_cast<double>(filter.Offset(at.x)),
-                                                 static_cast<double>(filter.Offset(at.y))));
+        const float dx = filter.Offset(sampler[n].x), dy = filter.Offset(sampler[n].y);
+        if (in_float) {
+          around_in_float.Write(dx, dy, &floats.emplace_back());
+        } else if (samples == 1) {
+          doubles.push_back(camera.RayThrough(x + 0.5, y + 0.5));
+        } else {
+          doubles.push_back(around.At(static_cast<double>(dx), static_cast<double>(dy)));
+        }
       }
     }
-    f(std::span<const core::Ray>(batch));
+    if (in_float) {
+      f(core::RayBatch(std::span<const core::RayF>(floats)));
+    } else {
+      f(core::RayBatch(std::span<const core::Ray>(doubles)));
+    }
   }
 }
 
 double SecondsOfKernels(const core::Scene& scene, const core::Camera& camera, int samples) {
   double seconds = 0;
   std::vector<core::Hit> hits;
-  ForEachTile(camera, samples, [&](std::span<const core::Ray> rays) {
+  ForEachTile(scene, camera, samples, [&](const core::RayBatch& rays) {
     hits.resize(rays.size());
     const double start = Now();
     if (!core::TraceClosest(scene, rays, {}, hits).ok()) std::exit(1);

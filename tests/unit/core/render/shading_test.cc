@@ -51,11 +51,11 @@ TEST(Shading, DegenerateTrianglesHaveAZeroNormal) {
 }
 
 TEST(Shading, AHeadlightFollowsLambertOnBothSides) {
-  EXPECT_EQ(HeadlightCosine({0, 0, 1}, {0, 0, -1}), 1.0f);
-  EXPECT_EQ(HeadlightCosine({0, 0, 1}, {0, 0, 1}), 1.0f);
-  EXPECT_EQ(HeadlightCosine({0, 0, 1}, {1, 0, 0}), 0.0f);
-  EXPECT_NEAR(HeadlightCosine({0, 0, 1}, {0, 3, 3}), std::sqrt(0.5), 1e-7);
-  EXPECT_EQ(HeadlightCosine({}, {0, 3, 3}), 1.0f);
+  EXPECT_EQ(HeadlightCosine<double>({0, 0, 1}, {0, 0, -1}), 1.0f);
+  EXPECT_EQ(HeadlightCosine<double>({0, 0, 1}, {0, 0, 1}), 1.0f);
+  EXPECT_EQ(HeadlightCosine<double>({0, 0, 1}, {1, 0, 0}), 0.0f);
+  EXPECT_NEAR(HeadlightCosine<double>({0, 0, 1}, {0, 3, 3}), std::sqrt(0.5), 1e-7);
+  EXPECT_EQ(HeadlightCosine<double>({}, {0, 3, 3}), 1.0f);
 }
 
 TEST(Shading, ColoursOfTrianglesAreValidAndNearNumbersDiffer) {
