@@ -96,6 +96,14 @@ Outcome<RayOptions> DecodeAnyOptions(std::string_view query, const Limits& limit
   return CheckedRayOptions(ReadQuery(AnyFields(limits), query));
 }
 
+Outcome<PointOptions> DecodeClosestPointOptions(std::string_view query, const Limits& limits) {
+  return ReadQuery(ClosestPointFields(limits), query);
+}
+
+Outcome<PointOptions> DecodeSideOptions(std::string_view query, const Limits& limits) {
+  return ReadQuery(SideFields(limits), query);
+}
+
 Check CheckNoParameters(std::string_view query) {
   struct Nothing {};
   Outcome<Nothing> read = ReadQuery(FieldTable<Nothing>{}, query);

@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "api/limits.h"
+#include "api/points.h"
 #include "api/types.h"
 
 namespace kdray::api {
@@ -22,6 +23,9 @@ Outcome<MeasureRequest> DecodeMeasure(std::string_view query, const Limits& limi
 Outcome<CellsRequest> DecodeCells(std::string_view query, const Limits& limits);
 Outcome<RayOptions> DecodeClosestOptions(std::string_view query, const Limits& limits);
 Outcome<RayOptions> DecodeAnyOptions(std::string_view query, const Limits& limits);
+Outcome<PointOptions> DecodeClosestPointOptions(std::string_view query, const Limits& limits);
+/// signed-distance and inside
+Outcome<PointOptions> DecodeSideOptions(std::string_view query, const Limits& limits);
 
 /// For paths that take no parameters.
 Check CheckNoParameters(std::string_view query);

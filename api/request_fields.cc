@@ -11,6 +11,7 @@ namespace kdray::api {
 namespace {
 
 constexpr ChoiceKind kPrecisionKind = {kPrecisionNames};
+constexpr ChoiceKind kPointPrecisionKind = {kPointPrecisionNames};
 constexpr TextKind kSha256Kind = {IsSha256, "a SHA-256 as 64 lower-case hexadecimal digits"};
 
 /// The backend knows its cursors; this check only keeps out what could harm a log line.
@@ -93,6 +94,19 @@ FieldTable<RayOptions> ClosestFields(const Limits& limits) {
   FieldTable<RayOptions> table = AnyFields(limits);
   table.fields.insert(table.fields.begin() + 1,
                       MemberField("fields", ChoicesKind{kRayFieldNames}, &RayOptions::fields));
+  return table;
+}
+
+FieldTable<PointOptions> SideFields(const Limits& limits) {
+  using P = PointOptions;
+  return {{MemberField("precision", kPointPrecisionKind, &P::precision), DeadlineField<P>(limits),
+           MemberField("dtype", ChoiceKind{kNumberTypeNames}, &P::dtype)}};
+}
+
+FieldTable<PointOptions> ClosestPointFields(const Limits& limits) {
+  FieldTable<PointOptions> table = SideFields(limits);
+  table.fields.insert(table.fields.begin() + 1,
+                      MemberField("fields", ChoicesKind{kPointFieldNames}, &PointOptions::fields));
   return table;
 }
 

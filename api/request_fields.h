@@ -4,6 +4,7 @@
 
 #include "api/field.h"
 #include "api/limits.h"
+#include "api/points.h"
 #include "api/types.h"
 
 namespace kdray::api {
@@ -15,6 +16,8 @@ FieldTable<MeasureRequest> MeasureFields(const Limits& limits);
 FieldTable<CellsRequest> CellsFields();
 FieldTable<RayOptions> ClosestFields(const Limits& limits);
 FieldTable<RayOptions> AnyFields(const Limits& limits);
+FieldTable<PointOptions> ClosestPointFields(const Limits& limits);
+FieldTable<PointOptions> SideFields(const Limits& limits);  ///< signed-distance and inside
 FieldTable<RenderRequest> RenderFields(const Limits& limits);
 
 }  // namespace kdray::api

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -13,6 +14,7 @@
 #include <string_view>
 #include <vector>
 
+#include "api/points.h"
 #include "api/types.h"
 #include "core/base/cancel.h"
 
@@ -58,6 +60,25 @@ class LoadedTree {
   virtual api::Outcome<api::AnyAnswer> Any(const api::RayTable& rays,
                                            const api::RayOptions& options,
                                            const CancelToken& cancel) const = 0;
+  // Point queries. `put` gets the rows in order, block by block, at least once.
+
+  template <class Row>
+  using PutRows = std::function<void(std::span<const Row>)>;
+
+  virtual api::Outcome<api::PointReport> ClosestPoints(
+      const api::PointTable& points, const api::PointOptions& options, const CancelToken& cancel,
+      const PutRows<api::NearestPoint>& put) const = 0;
+  /// NaN where the sign is unknown.
+  virtual api::Outcome<api::PointReport> SignedDistances(const api::PointTable& points,
+                                                         const api::PointOptions& options,
+                                                         const CancelToken& cancel,
+                                                         const PutRows<double>& put) const = 0;
+  /// 1, 0, or -1 for unknown.
+  virtual api::Outcome<api::PointReport> Inside(const api::PointTable& points,
+                                                const api::PointOptions& options,
+                                                const CancelToken& cancel,
+                                                const PutRows<std::int8_t>& put) const = 0;
+
   /// `png`: PNG bytes, else the array. invalid_parameter for an invalid camera (eye equal to
   /// target, …).
   virtual api::Outcome<api::RenderAnswer> Render(const api::RenderRequest& request, bool png,
@@ -69,7 +90,7 @@ class LoadedTree {
 
 /// The use of a tree by a request.
 enum class TreeUse : std::uint8_t {
-  kRays,   ///< queries, and renders without cells
+  kRays,   ///< queries of rays and points, and renders without cells
   kCells,  ///< lists of cells, and renders that show them
 };
 

@@ -16,6 +16,7 @@
 #include "core/render/renderer.h"
 #include "core/trace/trace.h"
 #include "server/mapping.h"
+#include "server/point_queries.h"
 #include "server/ray_queries.h"
 
 namespace kdray::server {
@@ -138,6 +139,34 @@ class CoreLoadedTree final : public LoadedTree {
                                  });
   }
 
+  api::Outcome<api::PointReport> ClosestPoints(
+      const api::PointTable& points, const api::PointOptions& options, const CancelToken& cancel,
+      const PutRows<api::NearestPoint>& put) const override {
+    return QueryPoints(options.precision, core::PointPrecision::kDouble, cancel,
+                       [&](const core::PointOptions& query, api::PointReport* report) {
+                         return AnswerClosestPoints(scene_, points, options, query, put, report);
+                       });
+  }
+
+  api::Outcome<api::PointReport> SignedDistances(const api::PointTable& points,
+                                                 const api::PointOptions& options,
+                                                 const CancelToken& cancel,
+                                                 const PutRows<double>& put) const override {
+    return QueryPoints(options.precision, core::PointPrecision::kDouble, cancel,
+                       [&](const core::PointOptions& query, api::PointReport* report) {
+                         return AnswerSignedDistances(scene_, points, query, put, report);
+                       });
+  }
+
+  api::Outcome<api::PointReport> Inside(const api::PointTable& points,
+                                        const api::PointOptions& options, const CancelToken& cancel,
+                                        const PutRows<std::int8_t>& put) const override {
+    return QueryPoints(options.precision, core::PointPrecision::kExact, cancel,
+                       [&](const core::PointOptions& query, api::PointReport* report) {
+                         return AnswerInside(scene_, points, query, put, report);
+                       });
+  }
+
   api::Outcome<api::RenderAnswer> Render(const api::RenderRequest& request, bool png,
                                          const CancelToken& cancel) const override {
     return Query<api::RenderAnswer>(
@@ -225,6 +254,27 @@ class CoreLoadedTree final : public LoadedTree {
       return OutOfMemory();
     }
     return answer;
+  }
+
+  // As Query, for points; `automatic` is the precision of `auto`.
+  template <class Work>
+  api::Outcome<api::PointReport> QueryPoints(api::PointPrecision asked,
+                                             core::PointPrecision automatic,
+                                             const CancelToken& cancel, const Work& work) const {
+    const core::PointPrecision precision = ToCore(asked, automatic);
+    api::PointReport report;
+    report.precision = ToApi(precision);
+    try {
+      core::Status status;
+      const Counted counted(&runner_.queries);
+      runner_.arena.Run([&] {
+        status = work(core::PointOptions{.precision = precision, .cancel = cancel}, &report);
+      });
+      if (!status.ok()) return ToProblem(status.error());
+    } catch (const std::bad_alloc&) {
+      return OutOfMemory();
+    }
+    return report;
   }
 
   QueryRunner& runner_;

@@ -208,6 +208,22 @@ core::Precision ToCore(api::Precision precision, core::Precision automatic) {
 }
 api::Precision ToApi(core::Precision precision) { return kPrecisions.ToApi(precision); }
 
+core::PointPrecision ToCore(api::PointPrecision precision, core::PointPrecision automatic) {
+  switch (precision) {
+    case api::PointPrecision::kDouble:
+      return core::PointPrecision::kDouble;
+    case api::PointPrecision::kExact:
+      return core::PointPrecision::kExact;
+    case api::PointPrecision::kAuto:
+      break;
+  }
+  return automatic;
+}
+api::Precision ToApi(core::PointPrecision precision) {
+  return precision == core::PointPrecision::kExact ? api::Precision::kExact
+                                                   : api::Precision::kDouble;
+}
+
 api::Outcome<core::TreeId> ToTreeId(std::string_view id) {
   if (const std::optional<core::TreeId> parsed = core::ParseTreeId(id)) return *parsed;
   return ToProblem(core::Error{core::ErrorCode::kNotFound, "no tree has this id"});

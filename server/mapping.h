@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "api/errors.h"
+#include "api/points.h"
 #include "api/types.h"
 #include "core/accel/build_kind.h"
 #include "core/accel/tree_cell.h"
@@ -19,6 +20,8 @@
 #include "core/geometry/ray.h"
 #include "core/intersect/precision.h"
 #include "core/library/tree_library.h"
+#include "core/proximity/closest_points.h"
+#include "core/proximity/sides.h"
 #include "core/render/renderer.h"
 
 namespace kdray::server {
@@ -35,6 +38,10 @@ api::Build ToApi(core::BuildKind build);
 /// `automatic` is the precision of `auto` for the mesh.
 core::Precision ToCore(api::Precision precision, core::Precision automatic);
 api::Precision ToApi(core::Precision precision);
+
+/// `automatic` is the precision of `auto` for the query.
+core::PointPrecision ToCore(api::PointPrecision precision, core::PointPrecision automatic);
+api::Precision ToApi(core::PointPrecision precision);
 
 /// tree_not_found for an invalid id.
 api::Outcome<core::TreeId> ToTreeId(std::string_view id);

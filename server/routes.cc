@@ -5,6 +5,7 @@
 
 #include "server/handlers/cells.h"
 #include "server/handlers/documents.h"
+#include "server/handlers/points.h"
 #include "server/handlers/rays.h"
 #include "server/handlers/render.h"
 #include "server/handlers/tradeoff.h"
@@ -27,6 +28,9 @@ constexpr std::array kContract = {
     Route{.path = "/v1/trees/{id}/mesh", .get = GetMesh},
     Route{.path = "/v1/trees/{id}/rays/closest", .post = PostRaysClosest},
     Route{.path = "/v1/trees/{id}/rays/any", .post = PostRaysAny},
+    Route{.path = "/v1/trees/{id}/points/closest", .post = PostPointsClosest},
+    Route{.path = "/v1/trees/{id}/points/signed-distance", .post = PostPointsSignedDistance},
+    Route{.path = "/v1/trees/{id}/points/inside", .post = PostPointsInside},
     Route{.path = "/v1/trees/{id}/render.png", .get = GetRenderPng, .post = PostRenderPng},
     Route{.path = "/v1/trees/{id}/render.npy", .get = GetRenderNpy, .post = PostRenderNpy},
     Route{.path = "/v1/trees/{id}/cells", .get = GetCells},

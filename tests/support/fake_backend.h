@@ -210,6 +210,32 @@ class FakeBackend final : public server::Backend {
       return answer;
     }
 
+    api::Outcome<api::PointReport> ClosestPoints(
+        const api::PointTable& points, const api::PointOptions&, const server::CancelToken& cancel,
+        const PutRows<api::NearestPoint>& put) const override {
+      constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+      return PutPoints<api::NearestPoint>(
+          points, cancel, put, [](const api::Vec3& p, bool valid) -> api::NearestPoint {
+            if (!valid) return {kNan, {kNan, kNan, kNan}, {kNan, kNan, kNan}, 0, 0, -1};
+            return {std::abs(p[2]), {p[0], p[1], 0}, {0, 0, 1}, 0, 0, 0};
+          });
+    }
+    api::Outcome<api::PointReport> SignedDistances(const api::PointTable& points,
+                                                   const api::PointOptions&,
+                                                   const server::CancelToken& cancel,
+                                                   const PutRows<double>& put) const override {
+      return PutPoints<double>(points, cancel, put, [](const api::Vec3& p, bool valid) {
+        return valid ? p[2] : std::numeric_limits<double>::quiet_NaN();
+      });
+    }
+    api::Outcome<api::PointReport> Inside(const api::PointTable& points, const api::PointOptions&,
+                                          const server::CancelToken& cancel,
+                                          const PutRows<std::int8_t>& put) const override {
+      return PutPoints<std::int8_t>(points, cancel, put, [](const api::Vec3& p, bool valid) {
+        return static_cast<std::int8_t>(!valid ? -1 : p[2] <= 0 ? 1 : 0);
+      });
+    }
+
     api::Outcome<api::RenderAnswer> Render(const api::RenderRequest& request, bool png,
                                            const server::CancelToken& cancel) const override {
       if (auto problem = backend_.Work(cancel)) return *std::move(problem);
@@ -259,6 +285,24 @@ class FakeBackend final : public server::Backend {
           },
           rays.rows);
       return planes;
+    }
+
+    template <class Row, class ToRow>
+    api::Outcome<api::PointReport> PutPoints(const api::PointTable& points,
+                                             const server::CancelToken& cancel,
+                                             const PutRows<Row>& put, const ToRow& to_row) const {
+      if (auto problem = backend_.Work(cancel)) return *std::move(problem);
+      api::PointReport report;
+      report.precision = api::Precision::kDouble;
+      report.trace_ms = 0.5;
+      std::vector<Row> rows;
+      for (const api::Vec3& p : points.rows) {
+        const bool valid = std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
+        if (!valid) report.invalid.push_back(rows.size());
+        rows.push_back(to_row(p, valid));
+      }
+      put(rows);
+      return report;
     }
 
     FakeBackend& backend_;

@@ -15,6 +15,7 @@
 #include "api/batch_codec.h"
 #include "api/names.h"
 #include "api/openapi_document.h"
+#include "api/point_codec.h"
 #include "api/request_codec.h"
 #include "api/request_fields.h"
 #include "api/tree_id.h"
@@ -272,6 +273,9 @@ TEST(OpenApi, DescribesTheParametersAsTheyAreRead) {
   ExpectParameters("/v1/trees/{id}/tradeoff", "get", DescribeFields(limits));
   ExpectParameters("/v1/trees/{id}/rays/closest", "post", ClosestFields(limits));
   ExpectParameters("/v1/trees/{id}/rays/any", "post", AnyFields(limits));
+  ExpectParameters("/v1/trees/{id}/points/closest", "post", ClosestPointFields(limits));
+  ExpectParameters("/v1/trees/{id}/points/signed-distance", "post", SideFields(limits));
+  ExpectParameters("/v1/trees/{id}/points/inside", "post", SideFields(limits));
   ExpectParameters("/v1/trees/{id}/render.png", "get", RenderFields(limits));
   ExpectParameters("/v1/trees/{id}/render.npy", "get", RenderFields(limits));
 }
@@ -326,6 +330,26 @@ TEST(Examples, OfBatchAnswersAreWhatIsWritten) {
   any.invalid = {3};
   EXPECT_EQ(json::parse(EncodeAny(any, rays, BatchType::kJson)),
             Example(kAny + kOkJson + "square"));
+}
+
+TEST(Examples, OfPointQueriesAreReadAndWritten) {
+  const auto points = DecodePoints(
+      Example("/components/requestBodies/Points/content/application~1json/examples/square").dump(),
+      BatchType::kJson, Limits{});
+  ASSERT_TRUE(points) << points.problem().detail;
+  const auto expect = [&](const char* path, const auto& rows) {
+    const PointOptions options;
+    PointWriter writer(*points, options, BatchType::kJson);
+    writer.Put(std::span(rows));
+    EXPECT_EQ(json::parse(std::move(writer).Finish({})),
+              Example("/paths/~1v1~1trees~1{id}~1points~1" + std::string(path) + "/post" + kOkJson +
+                      "square"));
+  };
+  expect("closest", std::vector<NearestPoint>{{1, {0.75, 0.25, 0}, {}, 0.5, 0.25, 0},
+                                              {5, {1, 1, 0}, {}, 0, 1, 0},
+                                              {0, {0.5, 0.5, 0}, {}, 0, 0.5, 0}});
+  expect("signed-distance", std::vector<double>{1, 5, 0});
+  expect("inside", std::vector<std::int8_t>{0, 0, 1});
 }
 
 TEST(Examples, OfDescriptionsAreWhatIsWritten) {
