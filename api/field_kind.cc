@@ -197,6 +197,7 @@ Outcome<FieldValue> Read(const NumberKind& kind, const Source& source) {
   if (kind.or_infinity && source.Word() == "inf") {
     return FieldValue(std::numeric_limits<double>::infinity());
   }
+  if (!kind.word.empty() && source.Word() == kind.word) return FieldValue(std::string(kind.word));
   const Outcome<double> value = source.Number(kind);
   if (!value) return value.problem();
   const bool above = kind.open_min ? *value > kind.min : *value >= kind.min;
@@ -415,7 +416,8 @@ std::string Describe(const FieldKind& kind) {
                         [](const IntegerKind& k) { return "an integer" + Interval(k.min, k.max); },
                         [](const NumberKind& k) {
                           return "a number" + Interval(k.min, k.max, k.open_min, k.open_max) +
-                                 (k.or_infinity ? " or inf" : "");
+                                 (k.or_infinity ? " or inf" : "") +
+                                 (k.word.empty() ? "" : " or " + std::string(k.word));
                         },
                         [](const VectorKind& k) {
                           return "three numbers" + Interval(k.min, k.max, false, false) +

@@ -25,7 +25,8 @@ struct IntegerKind {
 struct NumberKind {
   double min = std::numeric_limits<double>::lowest(), max = std::numeric_limits<double>::max();
   bool open_min = false, open_max = false;
-  bool or_infinity = false;  ///< also the word `inf`, as a parameter
+  bool or_infinity = false;    ///< also the word `inf`, as a parameter
+  std::string_view word = {};  ///< a word that is allowed instead
 };
 /// Three finite numbers from `min` to `max`: `1,2,3` as a parameter, an array in JSON.
 struct VectorKind {

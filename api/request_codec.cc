@@ -104,6 +104,19 @@ Outcome<PointOptions> DecodeSideOptions(std::string_view query, const Limits& li
   return ReadQuery(SideFields(limits), query);
 }
 
+Outcome<VisibilityOptions> DecodeVisibilityOptions(std::string_view query, const Limits& limits) {
+  Outcome<VisibilityOptions> options = ReadQuery(VisibilityFields(limits), query);
+  if (!options) return options;
+  if (options->to_directions && options->t_max) {
+    return Problem{ErrorCode::kInvalidParameter,
+                   "t_max is for points; with to_directions rays have no end", "t_max"};
+  }
+  if (options->t_min && options->t_max && *options->t_min > *options->t_max) {
+    return Problem{ErrorCode::kInvalidParameter, "t_min is greater than t_max", "t_min"};
+  }
+  return options;
+}
+
 Check CheckNoParameters(std::string_view query) {
   struct Nothing {};
   Outcome<Nothing> read = ReadQuery(FieldTable<Nothing>{}, query);

@@ -13,6 +13,7 @@
 #include "api/limits.h"
 #include "api/points.h"
 #include "api/types.h"
+#include "api/visibility.h"
 
 namespace kdray::api {
 
@@ -26,6 +27,8 @@ Outcome<RayOptions> DecodeAnyOptions(std::string_view query, const Limits& limit
 Outcome<PointOptions> DecodeClosestPointOptions(std::string_view query, const Limits& limits);
 /// signed-distance and inside
 Outcome<PointOptions> DecodeSideOptions(std::string_view query, const Limits& limits);
+/// invalid_parameter also for t_min > t_max, and for t_max beside to_directions.
+Outcome<VisibilityOptions> DecodeVisibilityOptions(std::string_view query, const Limits& limits);
 
 /// For paths that take no parameters.
 Check CheckNoParameters(std::string_view query);

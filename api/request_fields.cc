@@ -110,6 +110,30 @@ FieldTable<PointOptions> ClosestPointFields(const Limits& limits) {
   return table;
 }
 
+/// An end of the segment between two points: a number, or off the surface.
+Field<VisibilityOptions> EndField(std::string_view name,
+                                  std::optional<double> VisibilityOptions::*member) {
+  constexpr NumberKind kKind = {.min = 0, .max = 1, .word = "auto"};
+  return {name, kKind,
+          [member](VisibilityOptions& options, FieldValue value) {
+            const double* number = std::get_if<double>(&value);
+            options.*member = number != nullptr ? std::optional(*number) : std::nullopt;
+          },
+          [member, kKind](const VisibilityOptions& options) -> std::optional<FieldValue> {
+            if (options.*member) return *(options.*member);
+            return std::string(kKind.word);
+          }};
+}
+
+FieldTable<VisibilityOptions> VisibilityFields(const Limits& limits) {
+  using V = VisibilityOptions;
+  return {{MemberField("precision", kPrecisionKind, &V::precision), EndField("t_min", &V::t_min),
+           EndField("t_max", &V::t_max), MemberField("cull", ChoiceKind{kCullNames}, &V::cull),
+           MemberField("to_directions", BooleanKind{}, &V::to_directions),
+           MemberField("from_count", UpTo(0, 2 * limits.max_rays), &V::from_count),
+           MemberField("bits", BooleanKind{}, &V::bits), DeadlineField<V>(limits)}};
+}
+
 FieldTable<RenderRequest> RenderFields(const Limits& limits) {
   using R = RenderRequest;
   constexpr double kInfinity = std::numeric_limits<double>::max();

@@ -6,6 +6,7 @@
 #include "api/limits.h"
 #include "api/points.h"
 #include "api/types.h"
+#include "api/visibility.h"
 
 namespace kdray::api {
 
@@ -18,6 +19,7 @@ FieldTable<RayOptions> ClosestFields(const Limits& limits);
 FieldTable<RayOptions> AnyFields(const Limits& limits);
 FieldTable<PointOptions> ClosestPointFields(const Limits& limits);
 FieldTable<PointOptions> SideFields(const Limits& limits);  ///< signed-distance and inside
+FieldTable<VisibilityOptions> VisibilityFields(const Limits& limits);
 FieldTable<RenderRequest> RenderFields(const Limits& limits);
 
 }  // namespace kdray::api

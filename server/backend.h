@@ -16,6 +16,7 @@
 
 #include "api/points.h"
 #include "api/types.h"
+#include "api/visibility.h"
 #include "core/base/cancel.h"
 
 namespace kdray::server {
@@ -78,6 +79,10 @@ class LoadedTree {
                                                 const api::PointOptions& options,
                                                 const CancelToken& cancel,
                                                 const PutRows<std::int8_t>& put) const = 0;
+
+  virtual api::Outcome<api::VisibilityAnswer> Visibility(const api::PointSets& sets,
+                                                         const api::VisibilityOptions& options,
+                                                         const CancelToken& cancel) const = 0;
 
   /// `png`: PNG bytes, else the array. invalid_parameter for an invalid camera (eye equal to
   /// target, …).

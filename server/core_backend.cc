@@ -18,6 +18,7 @@
 #include "server/mapping.h"
 #include "server/point_queries.h"
 #include "server/ray_queries.h"
+#include "server/visibility_queries.h"
 
 namespace kdray::server {
 namespace {
@@ -165,6 +166,16 @@ class CoreLoadedTree final : public LoadedTree {
                        [&](const core::PointOptions& query, api::PointReport* report) {
                          return AnswerInside(scene_, points, query, put, report);
                        });
+  }
+
+  api::Outcome<api::VisibilityAnswer> Visibility(const api::PointSets& sets,
+                                                 const api::VisibilityOptions& options,
+                                                 const CancelToken& cancel) const override {
+    return Query<api::VisibilityAnswer>(
+        options.precision, cancel,
+        [&](const core::TraceOptions& trace, api::VisibilityAnswer* answer) {
+          return ToCheck(AnswerVisibility(scene_, sets, options, trace, answer));
+        });
   }
 
   api::Outcome<api::RenderAnswer> Render(const api::RenderRequest& request, bool png,

@@ -57,6 +57,7 @@ consteval auto PairByName(const std::array<std::string_view, kApiNames>& api_nam
 
 constexpr auto kBuilds = PairByName<api::Build, core::BuildKind>(api::kBuildNames);
 constexpr auto kPrecisions = PairByName<api::Precision, core::Precision>(api::kPrecisionNames);
+constexpr auto kCulls = PairByName<api::Cull, core::Cull>(api::kCullNames);
 constexpr auto kFormats = PairByName<api::MeshFormat, core::MeshFormat>(api::kMeshFormatNames);
 
 api::Vec3 ToVec(const core::Vec3d& v) { return {v.x, v.y, v.z}; }
@@ -207,6 +208,7 @@ core::Precision ToCore(api::Precision precision, core::Precision automatic) {
   return kPrecisions.ToCore(precision).value_or(automatic);
 }
 api::Precision ToApi(core::Precision precision) { return kPrecisions.ToApi(precision); }
+core::Cull ToCore(api::Cull cull) { return *kCulls.ToCore(cull); }
 
 core::PointPrecision ToCore(api::PointPrecision precision, core::PointPrecision automatic) {
   switch (precision) {

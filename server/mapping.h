@@ -18,6 +18,7 @@
 #include "core/catalog/tree_id.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/ray.h"
+#include "core/intersect/hit_filter.h"
 #include "core/intersect/precision.h"
 #include "core/library/tree_library.h"
 #include "core/proximity/closest_points.h"
@@ -38,6 +39,7 @@ api::Build ToApi(core::BuildKind build);
 /// `automatic` is the precision of `auto` for the mesh.
 core::Precision ToCore(api::Precision precision, core::Precision automatic);
 api::Precision ToApi(core::Precision precision);
+core::Cull ToCore(api::Cull cull);
 
 /// `automatic` is the precision of `auto` for the query.
 core::PointPrecision ToCore(api::PointPrecision precision, core::PointPrecision automatic);

@@ -10,6 +10,7 @@
 #include "server/handlers/render.h"
 #include "server/handlers/tradeoff.h"
 #include "server/handlers/trees.h"
+#include "server/handlers/visibility.h"
 #include "server/pages/viewer_files.h"
 
 namespace kdray::server {
@@ -31,6 +32,7 @@ constexpr std::array kContract = {
     Route{.path = "/v1/trees/{id}/points/closest", .post = PostPointsClosest},
     Route{.path = "/v1/trees/{id}/points/signed-distance", .post = PostPointsSignedDistance},
     Route{.path = "/v1/trees/{id}/points/inside", .post = PostPointsInside},
+    Route{.path = "/v1/trees/{id}/visibility", .post = PostVisibility},
     Route{.path = "/v1/trees/{id}/render.png", .get = GetRenderPng, .post = PostRenderPng},
     Route{.path = "/v1/trees/{id}/render.npy", .get = GetRenderNpy, .post = PostRenderNpy},
     Route{.path = "/v1/trees/{id}/cells", .get = GetCells},

@@ -94,6 +94,23 @@ class CommandTest(unittest.TestCase):
         self.ok("rays", sphere, rays, "-o", self.path("any.npy"), "--any", "--precision", "double")
         np.testing.assert_array_equal(np.load(self.path("any.npy")), np.isfinite(expected))
 
+    def test_points_have_their_distances_from_a_sphere(self):
+        sphere, points, found = self.path("sphere.stl"), self.path("points.npy"), self.path("found.npy")
+        self.ok("sample", "sphere", "--detail", "4", "-o", sphere)
+        corners = read_stl(sphere).reshape(-1, 3).astype(float)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        center, radius = (low + high) / 2, (high - low).max() / 2
+        sent = center + np.random.default_rng(1).uniform(-2, 2, (500, 3)) * radius
+        np.save(points, sent)
+        expected = np.linalg.norm(sent - center, axis=1) - radius
+        self.ok("points", sphere, points, "-o", found, "--fields", "distance,triangle")
+        np.testing.assert_allclose(np.load(found)["distance"], np.abs(expected), atol=0.05 * radius)
+        self.ok("points", sphere, points, "-o", found, "--signed-distance", "--precision", "exact")
+        np.testing.assert_allclose(np.load(found), expected, atol=0.05 * radius)
+        self.ok("points", sphere, points, "-o", found, "--inside")
+        far = np.abs(expected) > 0.05 * radius
+        np.testing.assert_array_equal(np.load(found)[far] == 1, expected[far] < 0)
+
     def test_json_goes_in_and_out(self):
         with open(self.path("rays.json"), "w") as file:
             json.dump({"rays": [[0, 9, 0, 0, -1, 0], [0, 9, 0, 0, 1, 0]]}, file)

@@ -31,6 +31,8 @@ NOT_PROVOKED = {"409", "503", "504", "507", "default"}
 TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 CUBE = b"""v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
 f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n"""
+POINTS = json.dumps({"points": [[0.2, 0.2, 5], [9, 9, 9], [0, 0, 0]]}).encode()
+SETS = json.dumps({"from": [[0.2, 0.2, 5], [9, 9, 9]], "to": [[0, 0, 1], [0.1, 0.1, 0]]}).encode()
 RAYS = json.dumps({"rays": [[0.2, 0.2, 5, 0, 0, -1], [9, 9, 9, 0, 0, 1], [0, 0, 0, 0, 0, 0]]}).encode()
 
 
@@ -194,6 +196,22 @@ class Walk(ContractTest):
                 (404, f"{nowhere}/rays/{query}", RAYS), (406, rays, RAYS, {"Accept": "text/html"}),
                 (413, f"{small}/rays/{query}", RAYS, {}, self.narrow), (415, rays, RAYS, text)])
 
+        np.save(array := io.BytesIO(), np.array([[0.2, 0.2, 5]], "f4"))
+        for query in ("closest", "signed-distance", "inside"):
+            points = at + "/points/" + query
+            self.walk(f"/v1/trees/{{id}}/points/{query}", "post", [
+                (200, points, POINTS), (200, points, array.getvalue()), (200, points + "?precision=exact", POINTS),
+                (400, points, RAYS), (400, points + "?precision=fast", POINTS),
+                (404, f"{nowhere}/points/{query}", POINTS), (406, points, POINTS, {"Accept": "text/html"}),
+                (413, f"{small}/points/{query}", POINTS, {}, self.narrow), (415, points, POINTS, text)])
+
+        sight = at + "/visibility"
+        self.walk("/v1/trees/{id}/visibility", "post", [
+            (200, sight, SETS), (200, sight + "?from_count=1", array.getvalue()), (400, sight, array.getvalue()),
+            (200, sight + "?t_min=0&t_max=1", SETS), (400, sight + "?t_max=2", SETS),
+            (404, nowhere + "/visibility", SETS), (406, sight, SETS, {"Accept": "text/html"}),
+            (413, small + "/visibility", SETS, {}, self.narrow), (415, sight, SETS, text)])
+
         for kind in ("png", "npy"):
             image = f"/render.{kind}"
             url = f"{at}{image}?width=16&height=12"
@@ -311,6 +329,16 @@ class Help(ContractTest):
                   for field in map(self.contract.resolve, operation["parameters"])}
         options = self.options(KDRAY, "rays")
         general = set(self.options(KDRAY)) | {"output", "help", "any"}
+        self.assertEqual(set(options) - general, set(fields))
+        for name, schema in fields.items():
+            self.check_field(name, options[name], schema)
+
+    def test_the_command_asks_points_as_the_contract_does(self):
+        operation = self.contract.document["paths"]["/v1/trees/{id}/points/closest"]["post"]
+        fields = {field["name"]: self.contract.resolve(field["schema"])
+                  for field in map(self.contract.resolve, operation["parameters"])}
+        options = self.options(KDRAY, "points")
+        general = set(self.options(KDRAY)) | {"output", "help", "signed_distance", "inside"}
         self.assertEqual(set(options) - general, set(fields))
         for name, schema in fields.items():
             self.check_field(name, options[name], schema)

@@ -110,7 +110,7 @@ class RealPoints : public testing::Test {
   }
 
   const test::TemporaryFolder folder_;
-  std::unique_ptr<CoreBackend> backend_;
+  std::unique_ptr<Backend> backend_;
   std::unique_ptr<RunningService> running_;
 };
 

@@ -236,6 +236,29 @@ class FakeBackend final : public server::Backend {
       });
     }
 
+    /// Points on different sides of the plane do not see each other.
+    api::Outcome<api::VisibilityAnswer> Visibility(
+        const api::PointSets& sets, const api::VisibilityOptions& options,
+        const server::CancelToken& cancel) const override {
+      if (auto problem = backend_.Work(cancel)) return *std::move(problem);
+      api::VisibilityAnswer answer;
+      answer.precision = api::Precision::kWatertight;
+      if (!options.t_min) answer.offset = 0.25;
+      const std::size_t row = options.bits ? (sets.to.size() + 7) / 8 : sets.to.size();
+      answer.visible.assign(sets.from.size() * row, 0);
+      for (std::size_t i = 0; i < sets.from.size(); ++i) {
+        for (std::size_t j = 0; j < sets.to.size(); ++j) {
+          if (sets.from[i][2] * sets.to[j][2] < 0) continue;
+          if (options.bits) {
+            answer.visible[i * row + j / 8] |= static_cast<std::uint8_t>(0x80u >> (j % 8));
+          } else {
+            answer.visible[i * row + j] = 1;
+          }
+        }
+      }
+      return answer;
+    }
+
     api::Outcome<api::RenderAnswer> Render(const api::RenderRequest& request, bool png,
                                            const server::CancelToken& cancel) const override {
       if (auto problem = backend_.Work(cancel)) return *std::move(problem);

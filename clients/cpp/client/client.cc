@@ -125,6 +125,18 @@ Answer Client::QueryRays(const std::string& id, const std::string& query, const 
   return {std::move(body), std::move(response)};
 }
 
+Answer Client::QueryPoints(const std::string& id, const std::string& query, const Parameters& options,
+                         const LocalFile& points, const std::string& accept) {
+  HttpResponse response = Call({.method = "POST",
+                                .path = TreePath(id) + "/points/" + query,
+                                .query = options,
+                                .accept = accept,
+                                .content_type = "application/octet-stream",
+                                .file = &points});
+  std::string body = std::move(response.body);
+  return {std::move(body), std::move(response)};
+}
+
 Answer Client::Render(const std::string& id, const std::string& format, const Parameters& fields) {
   HttpResponse response = Call({.path = TreePath(id) + "/render." + format, .query = fields});
   std::string body = std::move(response.body);

@@ -74,6 +74,10 @@ class Client {
   Answer QueryRays(const std::string& id, const std::string& query, const Parameters& options,
                    const LocalFile& rays, const std::string& accept);
 
+  /// POST /v1/trees/{id}/points/{query}, as QueryRays.
+  Answer QueryPoints(const std::string& id, const std::string& query, const Parameters& options,
+                     const LocalFile& points, const std::string& accept);
+
   /// GET /v1/trees/{id}/render.png or render.npy.
   Answer Render(const std::string& id, const std::string& format, const Parameters& fields);
 

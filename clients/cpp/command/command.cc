@@ -78,6 +78,7 @@ int RunCommand(std::span<const std::string> arguments, Console console) {
   Add(app, UploadCommand(session));
   Add(app, RenderCommand(session));
   Add(app, RaysCommand(session));
+  Add(app, PointsCommand(session));
   for (Subcommand& subcommand : TreeCommands(session)) Add(app, std::move(subcommand));
   Add(app, TradeoffCommand(session));
   for (Subcommand& subcommand : SampleCommands(session)) Add(app, std::move(subcommand));

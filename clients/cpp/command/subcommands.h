@@ -56,6 +56,7 @@ struct Subcommand {
 Subcommand UploadCommand(Session& session);
 Subcommand RenderCommand(Session& session);
 Subcommand RaysCommand(Session& session);
+Subcommand PointsCommand(Session& session);
 std::vector<Subcommand> TreeCommands(Session& session);  ///< list, show, delete, cells, mesh
 Subcommand TradeoffCommand(Session& session);
 std::vector<Subcommand> SampleCommands(Session& session);  ///< sample, sample-rays

@@ -19,6 +19,7 @@
 #include "api/request_codec.h"
 #include "api/request_fields.h"
 #include "api/tree_id.h"
+#include "api/visibility_codec.h"
 
 namespace kdray::api {
 namespace {
@@ -158,7 +159,7 @@ void ExpectKind(const json& schema, const IntegerKind& kind, std::string_view na
 }
 
 void ExpectKind(const json& schema, const NumberKind& kind, std::string_view name) {
-  const json& number = WithoutWord(schema, kind.or_infinity ? "inf" : "", name);
+  const json& number = WithoutWord(schema, kind.or_infinity ? "inf" : kind.word, name);
   EXPECT_EQ(At(number, "type"), "number") << name;
   ExpectRange(number, kind.min, kind.max, kind.open_min, kind.open_max, name);
 }
@@ -276,6 +277,7 @@ TEST(OpenApi, DescribesTheParametersAsTheyAreRead) {
   ExpectParameters("/v1/trees/{id}/points/closest", "post", ClosestPointFields(limits));
   ExpectParameters("/v1/trees/{id}/points/signed-distance", "post", SideFields(limits));
   ExpectParameters("/v1/trees/{id}/points/inside", "post", SideFields(limits));
+  ExpectParameters("/v1/trees/{id}/visibility", "post", VisibilityFields(limits));
   ExpectParameters("/v1/trees/{id}/render.png", "get", RenderFields(limits));
   ExpectParameters("/v1/trees/{id}/render.npy", "get", RenderFields(limits));
 }
@@ -350,6 +352,18 @@ TEST(Examples, OfPointQueriesAreReadAndWritten) {
                                               {0, {0.5, 0.5, 0}, {}, 0, 0.5, 0}});
   expect("signed-distance", std::vector<double>{1, 5, 0});
   expect("inside", std::vector<std::int8_t>{0, 0, 1});
+}
+
+TEST(Examples, OfVisibilityAreReadAndWritten) {
+  const std::string post = "/paths/~1v1~1trees~1{id}~1visibility/post";
+  const auto sets = DecodePointSets(
+      Example(post + "/requestBody/content/application~1json/examples/square").dump(),
+      BatchType::kJson, {}, Limits{});
+  ASSERT_TRUE(sets) << sets.problem().detail;
+  VisibilityAnswer answer;
+  answer.visible = {1, 1, 0, 1};
+  EXPECT_EQ(json::parse(EncodeVisibility(answer, *sets, {}, BatchType::kJson)),
+            Example(post + kOkJson + "square"));
 }
 
 TEST(Examples, OfDescriptionsAreWhatIsWritten) {

@@ -1,0 +1,70 @@
+#include "server/handlers/visibility.h"
+
+#include <string>
+#include <utility>
+
+#include "api/json_text.h"
+#include "api/names.h"
+#include "api/request_codec.h"
+#include "api/visibility_codec.h"
+#include "server/handlers/answers.h"
+#include "server/handlers/computation.h"
+
+namespace kdray::server {
+namespace {
+
+// Upper bound of the bytes of a pair: the answer, and its text in JSON.
+constexpr std::uint64_t kPairBytes = 8;
+
+}  // namespace
+
+api::Outcome<HttpResponse> PostVisibility(const HandlerContext& context, RoutedRequest& routed) {
+  const auto options = api::DecodeVisibilityOptions(routed.http.query_string, context.limits);
+  if (!options) return options.problem();
+  if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
+  auto body = ReadWholeBody(context, routed, context.limits.MaxBatchBytes());
+  if (!body) return std::move(body).problem();
+  const HttpHeaders& headers = routed.http.headers;
+  const auto type = api::DetectBatchType(body->text, headers.Find("Content-Type"));
+  if (!type) return type.problem();
+  const auto answer_type = api::ChooseAnswerType(headers.Find("Accept"), *type);
+  if (!answer_type) return answer_type.problem();
+  if (auto problem = api::CheckAnswerType(*options, *answer_type)) return *std::move(problem);
+
+  const TimeLimit limit{.ms = options->deadline_ms,
+                        .default_ms = api::VisibilityOptions().deadline_ms,
+                        .parameter = "deadline_ms"};
+  const auto computation = BeginComputation(context, routed, TreeUse::kRays, limit);
+  if (!computation) return computation.problem();
+  const api::ShouldStop should_stop = [&cancel = computation->cancel] {
+    return cancel.ShouldStop();
+  };
+  const Stopwatch parsing;
+  const auto sets = api::DecodePointSets(body->text, *type, *options, context.limits, should_stop);
+  if (!sets) return should_stop() ? limit.Explain(computation->WhyStopped()) : sets.problem();
+  body->text = {};  // only the points are needed from here on
+  routed.timing.parse_ms = parsing.ms();
+
+  const auto share = context.memory.Take((sets->from.size() + sets->to.size()) * sizeof(api::Vec3) +
+                                         sets->from.size() * (sets->to.size() + 1) * kPairBytes);
+  if (!share) return share.problem();
+  const auto answer = computation->tree->Visibility(*sets, *options, computation->cancel);
+  if (!answer) return limit.Explain(answer.problem());
+  routed.timing.trace_ms = answer->trace_ms;
+
+  const Stopwatch encoding;
+  std::string bytes = api::EncodeVisibility(*answer, *sets, *options, *answer_type, should_stop);
+  if (bytes.empty()) return limit.Explain(computation->WhyStopped());
+  HttpResponse response;
+  response.body = std::move(bytes);
+  routed.timing.encode_ms = encoding.ms();
+  response.headers.Add("Content-Type", api::ContentType(*answer_type));
+  response.headers.Add("Vary", "Accept");
+  response.headers.Add("Kdray-Precision", api::Name(answer->precision));
+  response.headers.Add("Kdray-Invalid", std::to_string(answer->invalid.size()));
+  if (answer->offset) response.headers.Add("Kdray-Offset", api::NumberText(*answer->offset));
+  SetCaching(response, context, Caching::kNever);
+  return response;
+}
+
+}  // namespace kdray::server
