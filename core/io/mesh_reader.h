@@ -43,22 +43,24 @@ struct MeshReadOptions {
 };
 
 /// Parses OBJ, PLY (ascii, both byte orders), STL (ascii, binary), OFF (ascii), GLB or glTF (with
-/// embedded buffers), detected from the bytes alone. Polygons with n corners become n - 2 triangles in place: a convex one is fanned
-/// from its first corner, any other is triangulated by ear clipping (core/io/polygon.h). Faces with
-/// fewer than three corners are dropped and counted. Coordinates of text files are read as doubles;
-/// those that an ascii PLY file declares as floats are read as floats if all are printed floats.
-/// Errors: kUnsupportedMeshFormat (no format fits, or an unsupported variant; the message names the
-/// formats), kEmptyMesh, kInvalidMesh with Error::line (text, and the header of PLY) or Error::byte
-/// (binary, and the container and JSON of glTF) or a JSON pointer in the message (glTF), and the
-/// cause, kMeshTooLarge, kCancelled, kDeadlineExceeded. A coordinate that is not
-/// finite or beyond kMaxCoordinate is kInvalidMesh only in a vertex that a triangle uses.
+/// embedded buffers), detected from the bytes alone. Polygons with n corners become n - 2 triangles
+/// in place: a convex one is fanned from its first corner, any other is triangulated by ear
+/// clipping (core/io/polygon.h). Faces with fewer than three corners are dropped and counted.
+/// Coordinates of text files are read as doubles; those that an ascii PLY file declares as floats
+/// are read as floats if all are printed floats. Errors: kUnsupportedMeshFormat (no format fits, or
+/// an unsupported variant; the message names the formats), kEmptyMesh, kInvalidMesh with
+/// Error::line (text, and the header of PLY) or Error::byte (binary, and the container and JSON of
+/// glTF) or a JSON pointer in the message (glTF), and the cause, kMeshTooLarge, kCancelled,
+/// kDeadlineExceeded. A coordinate that is not finite or beyond kMaxCoordinate is kInvalidMesh only
+/// in a vertex that a triangle uses.
 ///
 /// Every count in a file is a claim, reported to `on_counts` before memory is allocated for it.
 /// Memory is allocated for what the bytes can contain: at most 2x the body beyond the result (for
 /// an invalid file: beyond the result of the part before the error), and
 /// PolygonCutter::kScratchBytesPerCorner for each corner of the largest concave polygon, 46 MB at
-/// most. Safe from many threads at once. O(bytes), and O(n log n) for usual concave polygons of n
-/// corners; PolygonCutter bounds what polygons may cost.
+/// most. The JSON of glTF takes more than its text, some 100 bytes a value; `on_counts` is told
+/// (MeshCounts::other_bytes). Safe from many threads at once. O(bytes), and O(n log n) for usual
+/// concave polygons of n corners; PolygonCutter bounds what polygons may cost.
 Result<MeshData> ReadMesh(std::span<const std::byte> bytes, const MeshReadOptions& options = {});
 
 }  // namespace kdray::core

@@ -1,5 +1,5 @@
-// Reads glTF 2.0 files into MeshData, for tests: core does not read them, and the collection has
-// closed meshes only in this format.
+// Reads glTF 2.0 files into MeshData independently of core/io/gltf_reader.h, as an oracle for it,
+// and for tests that need the closed meshes of the collection.
 #pragma once
 
 #include <cstddef>
