@@ -85,6 +85,7 @@ api::Outcome<HttpResponse> AnswerPoints(
   if (full) return *std::move(full);
   if (!report) return limit.Explain(report.problem());
   routed.timing.trace_ms = report->trace_ms;
+  routed.rows = points->size();
 
   const Stopwatch finishing;
   HttpResponse response;

@@ -51,6 +51,7 @@ api::Outcome<HttpResponse> PostVisibility(const HandlerContext& context, RoutedR
   const auto answer = computation->tree->Visibility(*sets, *options, computation->cancel);
   if (!answer) return limit.Explain(answer.problem());
   routed.timing.trace_ms = answer->trace_ms;
+  routed.rows = sets->from.size() * sets->to.size();
 
   const Stopwatch encoding;
   std::string bytes = api::EncodeVisibility(*answer, *sets, *options, *answer_type, should_stop);
