@@ -7,6 +7,8 @@
 #include <thread>
 #include <vector>
 
+#include "core/base/cancel.h"
+#include "core/base/parallel.h"
 #include "tests/support/image.h"
 #include "tests/support/seed.h"
 
@@ -33,6 +35,38 @@ TEST(PngWriter, WritesWhatAnotherLibraryReads) {
       EXPECT_EQ(test::DecodePng(*png), (test::Image{width, height, channels, pixels}));
     }
   }
+}
+
+TEST(PngWriter, JoinsStripsOfRowsWithoutASeam) {
+  // A strip has 2^18 / 1920 = 136 rows.
+  for (const int height : {135, 136, 137, 271, 272, 273, 1000}) {
+    const std::vector<std::uint8_t> pixels = RandomPixels(640, height, 3);
+    const Result<std::vector<std::byte>> png = EncodePng(pixels, 640, height, 3);
+    ASSERT_TRUE(png.ok()) << png.error().message;
+    EXPECT_EQ(test::DecodePng(*png), (test::Image{640, height, 3, pixels})) << height;
+  }
+  // Streams of every length, so that blocks end at every bit of a byte.
+  for (int i = 0; i < 40; ++i) {
+    std::vector<std::uint8_t> pixels(std::size_t{16384} * 5 * 4);
+    std::mt19937_64 random(static_cast<std::uint64_t>(i));
+    for (int k = 0; k < 20 * i; ++k) pixels[random() % pixels.size()] = 1;
+    EXPECT_EQ(test::DecodePng(*EncodePng(pixels, 16384, 5, 4)).pixels, pixels) << i;
+  }
+}
+
+TEST(PngWriter, GivesTheSameBytesOnAnyNumberOfThreads) {
+  const std::vector<std::uint8_t> pixels = RandomPixels(640, 1000, 3);
+  std::vector<std::byte> alone, together;
+  Arena(1).Run([&] { alone = *EncodePng(pixels, 640, 1000, 3); });
+  Arena(4).Run([&] { together = *EncodePng(pixels, 640, 1000, 3); });
+  EXPECT_EQ(alone, together);
+}
+
+TEST(PngWriter, StopsWhenCancelled) {
+  const std::vector<std::uint8_t> pixels = RandomPixels(640, 480, 3);
+  const CancelToken cancel = CancelToken::Cancellable();
+  cancel.Cancel();
+  EXPECT_EQ(EncodePng(pixels, 640, 480, 3, cancel).error().code, ErrorCode::kCancelled);
 }
 
 TEST(PngWriter, WritesGreyAsGrey) {

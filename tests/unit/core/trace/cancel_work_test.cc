@@ -196,16 +196,6 @@ TEST(CancelledPicture, EncodingEndsInALargePicture) {
   }
 }
 
-TEST(CancelledPicture, EncodingAtOnceIsShort) {
-  constexpr int kWidth = 1920, kHeight = 1456;
-  std::vector<std::uint8_t> pixels(std::size_t{3} * kWidth * kHeight);
-  std::mt19937 random(1);
-  for (std::uint8_t& byte : pixels) byte = static_cast<std::uint8_t>(random());
-  const auto begin = test::ThreadTime();
-  ASSERT_TRUE(core::EncodePng(pixels, kWidth, kHeight, 3).ok());
-  EXPECT_LT(test::ThreadTime() - begin, test::kPromptly);
-}
-
 TEST(CancelledPicture, MakingOneEnds) {
   core::RenderedImage image;
   image.mode = core::RenderMode::kShaded;
