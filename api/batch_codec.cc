@@ -71,7 +71,10 @@ std::string EncodeImage(const ImageArray& image) {
     using Value = typename std::decay_t<decltype(values)>::value_type;
     std::vector<std::size_t> shape = {image.height, image.width};
     if (image.channels != 1) shape.push_back(image.channels);
-    std::string out = NpyHeader(std::is_same_v<Value, float> ? "'<f4'" : "'<i4'", shape);
+    const std::string_view type = std::is_same_v<Value, float>    ? "'<f4'"
+                                  : std::is_same_v<Value, double> ? "'<f8'"
+                                                                  : "'<i4'";
+    std::string out = NpyHeader(type, shape);
     return out.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(Value));
   };
   return std::visit(encode, image.values);

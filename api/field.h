@@ -4,6 +4,9 @@
 // documentation.
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -45,6 +48,10 @@ struct IsOptional : std::false_type {};
 template <class T>
 struct IsOptional<std::optional<T>> : std::true_type {};
 template <class T>
+struct IsNumbers : std::false_type {};
+template <std::size_t kCount>
+struct IsNumbers<std::array<double, kCount>> : std::true_type {};
+template <class T>
 struct IsVector : std::false_type {};
 template <class T>
 struct IsVector<std::vector<T>> : std::true_type {};
@@ -57,9 +64,9 @@ void Assign(T& member, FieldValue value) {
     member = std::get<T>(std::move(value));
   } else if constexpr (std::is_enum_v<T> || std::is_integral_v<T>) {
     member = static_cast<T>(std::get<std::int64_t>(value));
-  } else if constexpr (std::is_same_v<T, Vec3>) {
+  } else if constexpr (IsNumbers<T>::value) {
     const auto& numbers = std::get<std::vector<double>>(value);
-    member = {numbers[0], numbers[1], numbers[2]};
+    std::copy_n(numbers.begin(), member.size(), member.begin());
   } else if constexpr (std::is_same_v<T, Region>) {
     const auto& numbers = std::get<std::vector<std::int64_t>>(value);
     member = {numbers[0], numbers[1], numbers[2], numbers[3]};
@@ -81,7 +88,7 @@ std::optional<FieldValue> Fetch(const T& member) {
     return member;
   } else if constexpr (std::is_enum_v<T> || std::is_integral_v<T>) {
     return static_cast<std::int64_t>(member);
-  } else if constexpr (std::is_same_v<T, Vec3>) {
+  } else if constexpr (IsNumbers<T>::value) {
     return std::vector<double>(member.begin(), member.end());
   } else if constexpr (std::is_same_v<T, Region>) {
     return std::vector<std::int64_t>{member.x0, member.y0, member.x1, member.y1};

@@ -237,7 +237,7 @@ Outcome<FieldValue> ReadList(const FieldKind& kind, const ElementKind& element_k
 template <class Source>
 Outcome<FieldValue> Read(const VectorKind& kind, const Source& source) {
   if (!kind.word.empty() && source.Word() == kind.word) return FieldValue(std::string(kind.word));
-  return ReadList<double>(kind, NumberKind{kind.min, kind.max}, 3, source);
+  return ReadList<double>(kind, NumberKind{kind.min, kind.max}, kind.count, source);
 }
 
 template <class Source>
@@ -420,7 +420,8 @@ std::string Describe(const FieldKind& kind) {
                                  (k.word.empty() ? "" : " or " + std::string(k.word));
                         },
                         [](const VectorKind& k) {
-                          return "three numbers" + Interval(k.min, k.max, false, false) +
+                          return (k.count == 3 ? "three" : std::to_string(k.count)) + " numbers" +
+                                 Interval(k.min, k.max, false, false) +
                                  (k.word.empty() ? "" : " or " + std::string(k.word));
                         },
                         [](const IntegersKind& k) {

@@ -2,6 +2,7 @@
 // written as text. The tables of fields (api/request_fields.h) consist of these.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <span>
@@ -28,10 +29,11 @@ struct NumberKind {
   bool or_infinity = false;    ///< also the word `inf`, as a parameter
   std::string_view word = {};  ///< a word that is allowed instead
 };
-/// Three finite numbers from `min` to `max`: `1,2,3` as a parameter, an array in JSON.
+/// `count` finite numbers from `min` to `max`: `1,2,3` as a parameter, an array in JSON.
 struct VectorKind {
   double min = std::numeric_limits<double>::lowest(), max = std::numeric_limits<double>::max();
   std::string_view word = {};  ///< a word that is allowed instead
+  std::size_t count = 3;
 };
 /// `count` integers: `1,2` as a parameter, an array in JSON.
 struct IntegersKind {

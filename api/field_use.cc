@@ -23,6 +23,11 @@ class Some {
   constexpr Some(std::initializer_list<Enum> members) : bits_(0) {
     for (const Enum member : members) bits_ |= Bit(member);
   }
+  constexpr Some operator~() const {
+    Some others;
+    others.bits_ = ~bits_;
+    return others;
+  }
   constexpr bool Has(Enum member) const { return (bits_ & Bit(member)) != 0; }
 
   /// "shaded or normal"
@@ -50,13 +55,21 @@ struct FieldUse {
   Some<ImageForm> forms = {};
 };
 
+constexpr Some<Projection> kFlat = {Projection::kPerspective, Projection::kOrthographic};
+
 /// The modes that may take more samples than the pixel's centre.
-constexpr Some<RenderMode> kSampled = {RenderMode::kShaded, RenderMode::kNormal,
-                                       RenderMode::kAmbientOcclusion};
+constexpr Some<RenderMode> kSampled = ~Some<RenderMode>{RenderMode::kDepth, RenderMode::kTriangle,
+                                                        RenderMode::kCost, RenderMode::kPosition};
 
 constexpr std::array kFieldUses = {
     FieldUse{.field = "fov_deg", .projections = {Projection::kPerspective}},
     FieldUse{.field = "view_height", .projections = {Projection::kOrthographic}},
+    FieldUse{.field = "h_fov_deg", .projections = {Projection::kSpherical}},
+    FieldUse{.field = "v_fov_deg", .projections = {Projection::kSpherical}},
+    FieldUse{.field = "intrinsic", .projections = {Projection::kPerspective}},
+    FieldUse{.field = "extrinsic", .projections = {Projection::kPerspective}},
+    FieldUse{.field = "cells_depth", .projections = kFlat},
+    FieldUse{.field = "depth_range", .modes = {RenderMode::kDepth}, .forms = {ImageForm::kPng}},
     FieldUse{.field = "samples", .modes = kSampled},
     FieldUse{.field = "seed", .modes = kSampled},
     FieldUse{.field = "max_samples", .modes = kSampled},
@@ -67,6 +80,17 @@ constexpr std::array kFieldUses = {
     FieldUse{.field = "shadows", .modes = {RenderMode::kShaded}},
     FieldUse{.field = "ao_radius", .modes = {RenderMode::kAmbientOcclusion}},
     FieldUse{.field = "background", .forms = {ImageForm::kPng}},
+};
+
+/// A request with `field` has no use for `replaced`.
+struct Replacement {
+  std::string_view field, replaced;
+};
+
+constexpr std::array kReplacements = {
+    Replacement{"extrinsic", "eye"}, Replacement{"extrinsic", "target"},
+    Replacement{"extrinsic", "up"},  Replacement{"extrinsic", "view"},
+    Replacement{"eye", "view"},      Replacement{"intrinsic", "fov_deg"},
 };
 
 /// The mode, projection or form that the field belongs to, if the request does not use the field;
@@ -94,6 +118,7 @@ RenderRequest DefaultsOf(RenderMode mode, ImageForm form) {
   request.mode = mode;
   request.samples = DefaultSamples(mode, form);
   request.background = DefaultBackground(mode);
+  request.up = kDefaultUp;
   return request;
 }
 
@@ -102,16 +127,26 @@ RenderRequest DefaultsOf(RenderMode mode, ImageForm form) {
 Check CheckFieldsAreUsed(const RenderRequest& request, ImageForm form,
                          const FieldTable<RenderRequest>& table, const std::string& pointer) {
   const RenderRequest defaults = DefaultsOf(request.mode, form);
+  const auto refuse_unless_default = [&](std::string_view name, const std::string& why) -> Check {
+    const Field<RenderRequest>* field = FindField(table, name);
+    if (field == nullptr) return std::nullopt;
+    const std::optional<FieldValue> value = field->get(request);
+    if (!value || value == field->get(defaults)) return std::nullopt;
+    return Problem{
+        ErrorCode::kInvalidParameter,
+        std::string(name) + " " + WriteText(field->kind, *value) + " has no effect here: " + why,
+        pointer + std::string(name)};
+  };
   for (const FieldUse& use : kFieldUses) {
     const std::optional<std::string> owner = Owner(use, request, form);
-    const Field<RenderRequest>* field = FindField(table, use.field);
-    if (!owner || field == nullptr) continue;
-    const std::optional<FieldValue> value = field->get(request);
-    if (!value || value == field->get(defaults)) continue;
-    return Problem{ErrorCode::kInvalidParameter,
-                   std::string(field->name) + " " + WriteText(field->kind, *value) +
-                       " has no effect here: it belongs to " + *owner,
-                   pointer + std::string(field->name)};
+    if (!owner) continue;
+    if (Check unused = refuse_unless_default(use.field, "it belongs to " + *owner)) return unused;
+  }
+  for (const auto& [name, replaced] : kReplacements) {
+    const Field<RenderRequest>* field = FindField(table, name);
+    if (field == nullptr || !field->get(request)) continue;
+    const std::string why = std::string(name) + " replaces it";
+    if (Check unused = refuse_unless_default(replaced, why)) return unused;
   }
   return std::nullopt;
 }

@@ -1,5 +1,5 @@
-// The table of the modes, projections and forms of the answer that use each field of a render. A
-// new mode or field changes only this table.
+// The tables of the modes, projections and forms of the answer that use each field of a render, and
+// of the fields that replace others. A new mode or field changes only these tables.
 #pragma once
 
 #include <string>
@@ -10,7 +10,8 @@
 namespace kdray::api {
 
 /// invalid_parameter for the first field that the request's mode, projection or form does not use,
-/// unless its value is the default. `pointer` is put before the name of the field.
+/// or that another field replaces, unless its value is the default. `pointer` is put before the
+/// name of the field.
 Check CheckFieldsAreUsed(const RenderRequest& request, ImageForm form,
                          const FieldTable<RenderRequest>& table, const std::string& pointer);
 

@@ -5,6 +5,7 @@
 #include "api/batch_type.h"
 #include "api/field_use.h"
 #include "api/json_reader.h"
+#include "api/json_text.h"
 #include "api/request_fields.h"
 
 namespace kdray::api {
@@ -31,12 +32,42 @@ Problem ImageTooLarge(bool is_region, const std::string& has, std::int64_t actua
   return problem;
 }
 
+/// A depth picture's greys cover the depths of the whole image, or depth_range.
+Check CheckDepthRange(const RenderRequest& request, ImageForm form, const std::string& pointer,
+                      const Limits& limits) {
+  if (request.mode != RenderMode::kDepth || form != ImageForm::kPng) return std::nullopt;
+  if (!request.depth_range) {
+    const auto pixels = static_cast<std::uint64_t>(request.width * request.height);
+    if (!request.region || pixels <= limits.max_pixels) return std::nullopt;
+    Problem problem{ErrorCode::kInvalidParameter,
+                    "depth_range is required for a region of an image of " +
+                        std::to_string(pixels) +
+                        " pixels: without it the range is that of the "
+                        "whole image, which is found for at most max_pixels, " +
+                        std::to_string(limits.max_pixels),
+                    pointer + "depth_range"};
+    problem.limit = static_cast<double>(limits.max_pixels);
+    problem.actual = static_cast<double>(pixels);
+    return problem;
+  }
+  const auto& [near, far] = *request.depth_range;
+  if (near <= far) return std::nullopt;
+  return Problem{ErrorCode::kInvalidParameter,
+                 "depth_range must be near,far with near at most far, not " + NumberText(near) +
+                     "," + NumberText(far),
+                 pointer + "depth_range"};
+}
+
 /// Checks of several fields together. `pointer` is put before the names of fields.
 Outcome<RenderRequest> CheckedRender(Outcome<RenderRequest> request, ImageForm form,
                                      const FieldTable<RenderRequest>& table,
                                      const std::string& pointer, const Limits& limits) {
   if (!request) return request;
   if (Check unused = CheckFieldsAreUsed(*request, form, table, pointer)) return *std::move(unused);
+  if (request->mode == RenderMode::kPosition && form == ImageForm::kPng) {
+    return Problem{ErrorCode::kInvalidParameter, "mode position has no picture: ask for render.npy",
+                   pointer + "mode"};
+  }
   const Region all{0, 0, request->width, request->height};
   const Region part = request->region.value_or(all);
   if (part.x0 >= part.x1 || part.y0 >= part.y1 || part.x1 > all.x1 || part.y1 > all.y1) {
@@ -46,6 +77,7 @@ Outcome<RenderRequest> CheckedRender(Outcome<RenderRequest> request, ImageForm f
                        std::to_string(all.y1) + ")",
                    pointer + "region"};
   }
+  if (Check depth = CheckDepthRange(*request, form, pointer, limits)) return *std::move(depth);
   if (request->samples.value_or(1) > 1 && (request->budget_ms || request->max_noise)) {
     return Problem{ErrorCode::kInvalidParameter,
                    "samples says how many there are, budget_ms and max_noise let pixels decide; "

@@ -253,11 +253,18 @@ struct RenderRequest {
   std::int64_t width = 640, height = 480;
   Projection projection = Projection::kPerspective;
   std::optional<Vec3> eye, target;
-  std::optional<Vec3> up;  ///< nullopt: 0,1,0, unless the view is along it
+  std::optional<Vec3> up;    ///< nullopt: kDefaultUp, unless the view is along it
+  std::optional<View> view;  ///< the side from which the mesh is seen, instead of `eye`
   double fov_deg = 40;
   std::optional<double> view_height;
+  double h_fov_deg = 360, v_fov_deg = 180;
+  std::optional<std::array<double, 4>> intrinsic;   ///< fx, fy, cx, cy, instead of fov_deg
+  std::optional<std::array<double, 16>> extrinsic;  ///< world to camera, row by row, instead of
+                                                    ///< eye, target, up and view
   RenderMode mode = RenderMode::kShaded;
-  std::optional<std::int64_t> samples;  ///< per pixel; nullopt: see DefaultSamples
+  std::optional<std::array<double, 2>> depth_range;  ///< near and far of a depth picture; nullopt:
+                                                     ///< the hits of the whole image
+  std::optional<std::int64_t> samples;               ///< per pixel; nullopt: see DefaultSamples
   Precision precision = Precision::kAuto;
   Vec3 color = {0.93, 0.88, 0.81};  ///< of the surface, sRGB 0..1
   std::optional<Vec3> background;   ///< sRGB 0..1; see `transparent`. nullopt: DefaultBackground
@@ -274,10 +281,18 @@ struct RenderRequest {
   std::int64_t deadline_ms = 60000;
 };
 
+inline constexpr Vec3 kDefaultUp = {0, 1, 0};
+
 /// White for modes that show light, black for the others.
 constexpr Vec3 DefaultBackground(RenderMode mode) {
   return mode == RenderMode::kShaded || mode == RenderMode::kAmbientOcclusion ? Vec3{1, 1, 1}
                                                                               : Vec3{0, 0, 0};
+}
+
+/// Modes whose values are those of the pixel's centre.
+constexpr bool HasOneSample(RenderMode mode) {
+  return mode == RenderMode::kDepth || mode == RenderMode::kTriangle || mode == RenderMode::kCost ||
+         mode == RenderMode::kPosition;
 }
 
 /// The samples of a request that does not say; nullopt: as many as smooth silhouettes need. An
@@ -285,7 +300,7 @@ constexpr Vec3 DefaultBackground(RenderMode mode) {
 /// for).
 constexpr std::optional<std::int64_t> DefaultSamples(RenderMode mode, ImageForm form) {
   if (mode == RenderMode::kAmbientOcclusion) return 16;
-  if (mode == RenderMode::kDepth || mode == RenderMode::kTriangle) return 1;
+  if (HasOneSample(mode)) return 1;
   return form == ImageForm::kNpy ? std::optional<std::int64_t>(1) : std::nullopt;
 }
 
@@ -299,7 +314,7 @@ struct RenderCounts {
 struct ImageArray {
   std::size_t width = 0, height = 0,
               channels = 1;  ///< channels 1: shape (H, W); else (H, W, channels)
-  std::variant<std::vector<float>, std::vector<std::int32_t>> values;
+  std::variant<std::vector<float>, std::vector<std::int32_t>, std::vector<double>> values;
 };
 
 struct RenderAnswer {
@@ -307,6 +322,7 @@ struct RenderAnswer {
   std::int64_t samples = 1;          ///< the largest number that a pixel took
   std::optional<double> noise;       ///< largest standard error of a pixel, if estimated
   Stopped stopped = Stopped::kDone;  ///< why sampling ended
+  std::optional<std::array<double, 2>> depth_range;  ///< depth pictures with a hit or depth_range
   std::variant<std::vector<std::byte>, ImageArray> image;  ///< PNG bytes, or the array for .npy
   double trace_ms = 0, encode_ms = 0;
   RenderCounts counts;

@@ -41,7 +41,9 @@ constexpr std::string_view Name({enum} value) {{
 
 def help_text(enum, schema):
     *names, last = schema["enum"]
-    text = f"{', '.join(names)} or {last}: {schema['default']} when left out"
+    text = f"{', '.join(names)} or {last}"
+    if "default" in schema:
+        text += f": {schema['default']} when left out"
     return f'\ninline constexpr char k{enum}Help[] = "{text}";\n'
 
 

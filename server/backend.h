@@ -96,7 +96,7 @@ class LoadedTree {
 /// The use of a tree by a request.
 enum class TreeUse : std::uint8_t {
   kRays,   ///< queries of rays and points, and renders without cells
-  kCells,  ///< lists of cells, and renders that show them
+  kCells,  ///< lists of cells, and renders that show them or the cost
 };
 
 /// Counts of the backend's work since its start, and of what it holds. For metrics and tests.

@@ -12,6 +12,7 @@
 #include "core/base/parallel.h"
 #include "core/io/png_writer.h"
 #include "core/library/tree_library.h"
+#include "core/render/depth_range.h"
 #include "core/render/picture.h"
 #include "core/render/renderer.h"
 #include "core/trace/trace.h"
@@ -182,9 +183,9 @@ class CoreLoadedTree final : public LoadedTree {
                                          const CancelToken& cancel) const override {
     return Query<api::RenderAnswer>(
         request.precision, cancel,
-        [&](const core::TraceOptions& trace, api::RenderAnswer* answer) -> api::Check {
+        [&](const core::TraceOptions&, api::RenderAnswer* answer) -> api::Check {
           const auto start = SteadyClock::now();
-          core::RenderSpec spec = ToCore(request, trace.precision);
+          core::RenderSpec spec = ToCore(request);
           if (!request.samples && !png) {
             const auto samples = api::DefaultSamples(request.mode, api::ImageForm::kNpy);
             if (samples) spec.samples = static_cast<int>(*samples);
@@ -200,6 +201,13 @@ class CoreLoadedTree final : public LoadedTree {
             }
             return ToProblem(image.error());
           }
+          if (png && request.mode == api::RenderMode::kDepth) {
+            if (auto problem = SetDepthRange(request, cancel, &*image)) return problem;
+            if (const auto& range = image->depth_range) {
+              answer->depth_range = {range->near, range->far};
+            }
+          }
+          answer->precision = ToApi(image->precision);
           answer->samples = image->samples;
           answer->noise = image->noise;
           answer->stopped = ToApi(image->stopped);
@@ -226,6 +234,18 @@ class CoreLoadedTree final : public LoadedTree {
   }
 
  private:
+  api::Check SetDepthRange(const api::RenderRequest& request, const CancelToken& cancel,
+                           core::RenderedImage* image) const {
+    if (const auto& range = request.depth_range) {
+      image->depth_range = {(*range)[0], (*range)[1]};
+      return std::nullopt;
+    }
+    const auto range = core::RangeOfWholeImage(scene_, *image, cancel);
+    if (!range.ok()) return ToProblem(range.error());
+    image->depth_range = *range;
+    return std::nullopt;
+  }
+
   static api::Check Encode(const core::RenderedImage& image, const CancelToken& cancel,
                            api::RenderAnswer* answer) {
     const auto start = SteadyClock::now();

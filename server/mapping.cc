@@ -73,9 +73,52 @@ core::Projection ToCore(api::Projection projection) {
     case api::Projection::kPerspective:
       return core::Projection::kPerspective;
     case api::Projection::kOrthographic:
+      return core::Projection::kOrthographic;
+    case api::Projection::kSpherical:
       break;
   }
-  return core::Projection::kOrthographic;
+  return core::Projection::kSpherical;
+}
+
+core::View ToCore(api::View view) {
+  switch (view) {
+    case api::View::kIso:
+      return core::View::kIso;
+    case api::View::kFront:
+      return core::View::kFront;
+    case api::View::kBack:
+      return core::View::kBack;
+    case api::View::kLeft:
+      return core::View::kLeft;
+    case api::View::kRight:
+      return core::View::kRight;
+    case api::View::kTop:
+      return core::View::kTop;
+    case api::View::kBottom:
+      break;
+  }
+  return core::View::kBottom;
+}
+
+core::CameraSpec CameraOf(const api::RenderRequest& request) {
+  core::CameraSpec camera;
+  camera.projection = ToCore(request.projection);
+  if (request.eye) camera.eye = ToVec(*request.eye);
+  if (request.target) camera.target = ToVec(*request.target);
+  if (request.up) camera.up = ToVec(*request.up);
+  if (request.view) camera.view = ToCore(*request.view);
+  if (request.projection == api::Projection::kPerspective) camera.fov_deg = request.fov_deg;
+  camera.view_height = request.view_height;
+  if (request.projection == api::Projection::kSpherical) {
+    camera.h_fov_deg = request.h_fov_deg;
+    camera.v_fov_deg = request.v_fov_deg;
+  }
+  if (request.intrinsic) {
+    const auto& [fx, fy, cx, cy] = *request.intrinsic;
+    camera.intrinsic = core::Intrinsics{.fx = fx, .fy = fy, .cx = cx, .cy = cy};
+  }
+  camera.extrinsic = request.extrinsic;
+  return camera;
 }
 
 core::RenderMode ToCore(api::RenderMode mode) {
@@ -89,9 +132,13 @@ core::RenderMode ToCore(api::RenderMode mode) {
     case api::RenderMode::kAmbientOcclusion:
       return core::RenderMode::kAmbientOcclusion;
     case api::RenderMode::kTriangle:
+      return core::RenderMode::kTriangle;
+    case api::RenderMode::kCost:
+      return core::RenderMode::kCost;
+    case api::RenderMode::kPosition:
       break;
   }
-  return core::RenderMode::kTriangle;
+  return core::RenderMode::kPosition;
 }
 
 api::ErrorCode CodeOf(core::ErrorCode code, api::ErrorCode not_found) {
@@ -271,22 +318,15 @@ core::Light ToCore(const api::Light& light) {
   return converted;
 }
 
-core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision precision) {
+core::RenderSpec ToCore(const api::RenderRequest& request) {
   core::RenderSpec spec;
   spec.width = static_cast<int>(request.width);
   spec.height = static_cast<int>(request.height);
-  spec.camera.projection = ToCore(request.projection);
-  if (request.eye) spec.camera.eye = ToVec(*request.eye);
-  if (request.target) spec.camera.target = ToVec(*request.target);
-  if (request.up) spec.camera.up = ToVec(*request.up);
-  if (request.projection == api::Projection::kPerspective) {
-    spec.camera.fov_deg = request.fov_deg;
-  }
-  spec.camera.view_height = request.view_height;
+  spec.camera = CameraOf(request);
   spec.mode = ToCore(request.mode);
   spec.samples = std::nullopt;
   if (request.samples) spec.samples = static_cast<int>(*request.samples);
-  spec.precision = precision;
+  spec.precision = kPrecisions.ToCore(request.precision);
   spec.color = ToRgb(request.color);
   if (request.background || request.transparent) {
     core::Background background;

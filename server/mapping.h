@@ -63,7 +63,8 @@ inline api::RayHit ToApi(const core::Hit& hit) {
 }
 
 core::Light ToCore(const api::Light& light);
-core::RenderSpec ToCore(const api::RenderRequest& request, core::Precision precision);
+/// RenderSpec::precision is nullopt for `auto`.
+core::RenderSpec ToCore(const api::RenderRequest& request);
 api::Stopped ToApi(core::Stopped stopped);
 api::RenderCounts ToApi(const core::RenderCounts& counts);
 api::ImageArray ToApi(core::RenderedImage image);

@@ -2,6 +2,8 @@
 // from a caller's parameters.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "core/geometry/ray.h"
@@ -9,34 +11,51 @@
 
 namespace kdray::core {
 
-enum class Projection : std::uint8_t { kPerspective, kOrthographic };
+enum class Projection : std::uint8_t { kPerspective, kOrthographic, kSpherical };
 
-/// Right-handed: right x upward = -forward. Pixels are square; image coordinates run from (0, 0),
-/// the top left corner of the image, to (width, height), so the centre of pixel (i, j) is
-/// (i + 0.5, j + 0.5). Immutable in use, so safe from many threads at once.
+/// Right-handed: right x upward = -forward. Image coordinates run from (0, 0), the top left corner
+/// of the image, to (width, height), so the centre of pixel (i, j) is (i + 0.5, j + 0.5). Immutable
+/// in use, so safe from many threads at once.
 struct Camera {
   Projection projection = Projection::kPerspective;
   int width = 1, height = 1;  ///< of the whole image, pixels
 
   // As given by the caller, or chosen by ResolveCamera.
   Vec3d eye, target, up;
-  double fov_deg = 0;      ///< perspective: vertical angle of view
+  double fov_deg = 0;      ///< perspective without intrinsics: vertical angle of view
   double view_height = 0;  ///< orthographic: height of the view, world units
 
-  Vec3d right, upward, forward;  ///< orthonormal: the image's x axis, its y axis upside down, and
-                                 ///< the view axis
-  double half_width = 0;         ///< half the image at depth 1 (perspective), in world units
-  double half_height = 0;        ///< (orthographic)
+  /// Orthonormal: the image's x axis, its y axis upside down, and the view axis. With a caller's
+  /// matrix as nearly orthonormal as the matrix. Spherical: upward is `up`, and forward is the
+  /// direction of azimuth 0 and elevation 0.
+  Vec3d right, upward, forward;
 
-  /// The ray through a point of the image. Its direction's component along the view axis is 1, so
-  /// t is the depth: the distance from the eye along the view axis, in world units.
+  // Perspective and orthographic.
+  double center_x_px = 0, center_y_px = 0;   ///< where the view axis meets the image
+  double pixel_width = 0, pixel_height = 0;  ///< of a pixel at depth 1 (perspective), or anywhere
+                                             ///< (orthographic), world units
+
+  // Spherical, radians.
+  double h_fov = 0, v_fov = 0;  ///< of the whole image
+  double middle_elevation = 0;  ///< of the image's middle row
+
+  /// The ray through a point of the image. t is the depth in world units: the distance from the eye
+  /// along the view axis, because the direction's component along it is 1; spherical: the distance
+  /// along the ray, because the direction is unit.
   Ray RayThrough(double x_px, double y_px) const {
-    const double x = (2.0 * x_px / width - 1.0) * half_width;
-    const double y = (1.0 - 2.0 * y_px / height) * half_height;
-    const Vec3d offset = right * x + upward * y;
     Ray ray;
+    ray.origin = eye;
+    if (projection == Projection::kSpherical) {
+      const Angles at = AnglesAt(x_px, y_px);
+      const double level = std::cos(at.elevation);
+      ray.direction = forward * (level * std::cos(at.azimuth)) +
+                      right * (level * std::sin(at.azimuth)) + upward * std::sin(at.elevation);
+      return ray;
+    }
+    const double x = (x_px - center_x_px) * pixel_width;
+    const double y = (center_y_px - y_px) * pixel_height;
+    const Vec3d offset = right * x + upward * y;
     if (projection == Projection::kPerspective) {
-      ray.origin = eye;
       ray.direction = forward + offset;
     } else {
       ray.origin = eye + offset;
@@ -44,6 +63,17 @@ struct Camera {
     }
     return ray;
   }
+
+  /// Side of a pixel's footprint at `depth`, world units; the smaller one where sides differ.
+  double PixelSize(double depth) const {
+    if (projection == Projection::kSpherical) {
+      return std::min(h_fov / width, v_fov / height) * depth;
+    }
+    return std::min(pixel_width, pixel_height) *
+           (projection == Projection::kPerspective ? depth : 1.0);
+  }
+
+  // ---- Points to pixels: perspective and orthographic ----
 
   /// A point in the camera's frame, before the division by depth.
   struct ViewPoint {
@@ -61,14 +91,36 @@ struct Camera {
   /// Where a point with depth > 0 appears.
   ImagePoint ToImage(const ViewPoint& point) const {
     const double scale = projection == Projection::kPerspective ? point.depth : 1.0;
-    return {(point.x / (scale * half_width) + 1.0) * 0.5 * width,
-            (1.0 - point.y / (scale * half_height)) * 0.5 * height};
+    return {center_x_px + point.x / (scale * pixel_width),
+            center_y_px - point.y / (scale * pixel_height)};
   }
 
-  /// Side of a pixel's footprint at `depth`, world units.
-  double PixelSize(double depth) const {
-    const double scale = projection == Projection::kPerspective ? depth : 1.0;
-    return 2.0 * half_height * scale / height;
+  /// A camera whose ToView and ToImage agree with the image near a point of it: this one, or for a
+  /// spherical camera the perspective one whose image touches the sphere there. Its depth at the
+  /// point is that of this camera.
+  Camera FlatAt(double x_px, double y_px) const {
+    if (projection != Projection::kSpherical) return *this;
+    const Angles at = AnglesAt(x_px, y_px);
+    const double level = std::cos(at.elevation);
+    const Vec3d ahead = forward * std::cos(at.azimuth) + right * std::sin(at.azimuth);
+    Camera flat = *this;
+    flat.projection = Projection::kPerspective;
+    flat.forward = ahead * level + upward * std::sin(at.elevation);
+    flat.right = right * std::cos(at.azimuth) - forward * std::sin(at.azimuth);
+    flat.upward = upward * level - ahead * std::sin(at.elevation);
+    flat.center_x_px = x_px;
+    flat.center_y_px = y_px;
+    flat.pixel_width = h_fov / width * level;
+    flat.pixel_height = v_fov / height;
+    return flat;
+  }
+
+ private:
+  struct Angles {
+    double azimuth = 0, elevation = 0;
+  };
+  Angles AnglesAt(double x_px, double y_px) const {
+    return {(x_px / width - 0.5) * h_fov, middle_elevation + (0.5 - y_px / height) * v_fov};
   }
 };
 

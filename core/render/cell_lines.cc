@@ -66,19 +66,20 @@ void CellLines::AddEdge(const Vec3d& from, const Vec3d& to, float opacity) {
   const Camera::ViewPoint b = camera_.ToView(to);
   // Clips to the image and a margin for the width of lines, before the division by depth: points
   // behind the eye have no image position.
-  const double margin_x = 1.0 + 2.0 * (reach_px_ + 1) / camera_.width;
-  const double margin_y = 1.0 + 2.0 * (reach_px_ + 1) / camera_.height;
-  const double ax = (perspective ? a.depth : 1.0) * camera_.half_width * margin_x;
-  const double bx = (perspective ? b.depth : 1.0) * camera_.half_width * margin_x;
-  const double ay = (perspective ? a.depth : 1.0) * camera_.half_height * margin_y;
-  const double by = (perspective ? b.depth : 1.0) * camera_.half_height * margin_y;
+  const double margin = reach_px_ + 1;
+  const double left = -(camera_.center_x_px + margin) * camera_.pixel_width;
+  const double right = (camera_.width - camera_.center_x_px + margin) * camera_.pixel_width;
+  const double bottom = (camera_.center_y_px - camera_.height - margin) * camera_.pixel_height;
+  const double top = (camera_.center_y_px + margin) * camera_.pixel_height;
+  const double at_a = perspective ? a.depth : 1.0;
+  const double at_b = perspective ? b.depth : 1.0;
   double enter = 0;
   double exit = 1;
   if (!ClipToPositive(a.depth, b.depth, &enter, &exit) ||
-      !ClipToPositive(ax - a.x, bx - b.x, &enter, &exit) ||
-      !ClipToPositive(ax + a.x, bx + b.x, &enter, &exit) ||
-      !ClipToPositive(ay - a.y, by - b.y, &enter, &exit) ||
-      !ClipToPositive(ay + a.y, by + b.y, &enter, &exit)) {
+      !ClipToPositive(right * at_a - a.x, right * at_b - b.x, &enter, &exit) ||
+      !ClipToPositive(a.x - left * at_a, b.x - left * at_b, &enter, &exit) ||
+      !ClipToPositive(top * at_a - a.y, top * at_b - b.y, &enter, &exit) ||
+      !ClipToPositive(a.y - bottom * at_a, b.y - bottom * at_b, &enter, &exit)) {
     return;
   }
   const auto at = [&](double s) {

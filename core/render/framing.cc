@@ -16,6 +16,9 @@ namespace {
 // Views closer to `up` than this (sine of the angle) have no steady image axes in double.
 constexpr double kParallel = 1e-9;
 
+// Largest error of a product of two rows of a rotation that a caller sends.
+constexpr double kOrthonormal = 1e-6;
+
 constexpr double kFrontAzimuthDeg = 30;
 constexpr double kFrontElevationDeg = 20;
 
@@ -39,8 +42,28 @@ struct Compass {
     right = Cross(up, front);
   }
 
-  // Unit vector from the mesh to the default eye.
-  Vec3d TowardViewer() const {
+  // Unit vector from the mesh to the eye.
+  Vec3d TowardViewer(std::optional<View> view) const {
+    if (!view) return TowardDefaultViewer();
+    switch (*view) {
+      case View::kIso:
+        return Normalized(front + right + up);
+      case View::kFront:
+        return front;
+      case View::kBack:
+        return -front;
+      case View::kLeft:
+        return -right;
+      case View::kRight:
+        return right;
+      case View::kTop:
+        return up;
+      case View::kBottom:
+        break;
+    }
+    return -up;
+  }
+  Vec3d TowardDefaultViewer() const {
     const double azimuth = ToRadians(kFrontAzimuthDeg);
     const double elevation = ToRadians(kFrontElevationDeg);
     return Normalized(front * (std::cos(elevation) * std::cos(azimuth)) +
@@ -85,6 +108,18 @@ Status Check(const CameraSpec& spec) {
   if (spec.view_height && !(*spec.view_height > 0 && std::isfinite(*spec.view_height))) {
     return Invalid("view_height", "must be above 0");
   }
+  if (spec.h_fov_deg && !(*spec.h_fov_deg > 0 && *spec.h_fov_deg <= 360)) {
+    return Invalid("h_fov_deg", "must be above 0 and at most 360");
+  }
+  if (spec.v_fov_deg && !(*spec.v_fov_deg > 0 && *spec.v_fov_deg <= 180)) {
+    return Invalid("v_fov_deg", "must be above 0 and at most 180");
+  }
+  if (const auto& k = spec.intrinsic) {
+    if (!(k->fx > 0 && k->fy > 0)) return Invalid("intrinsic", "fx and fy must be above 0");
+    if (!std::isfinite(k->fx + k->fy + k->cx + k->cy)) {
+      return Invalid("intrinsic", "must be finite");
+    }
+  }
   if (spec.eye && spec.target) {
     if (*spec.eye == *spec.target) return Invalid("eye", "must differ from target");
     if (!IsFinite(*spec.target - *spec.eye)) return Invalid("eye", "too far from target");
@@ -95,20 +130,23 @@ Status Check(const CameraSpec& spec) {
 // Step 2: the directions of the view, which do not depend on distances.
 Status ChooseAxes(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera) {
   const Vec3d up = NormalizedAtAnyScale(spec.up.value_or(Vec3d{0, 1, 0}));
-  const Vec3d toward_viewer = Compass(up).TowardViewer();
-  if (spec.eye) {
-    Vec3d view = spec.target.value_or(bounds.Center()) - *spec.eye;
+  const Compass compass(up);
+  camera->forward = -compass.TowardViewer(spec.view);
+  const bool from_middle = spec.projection == Projection::kSpherical && !spec.view;
+  if (spec.eye || from_middle) {
+    const Vec3d view = spec.target.value_or(bounds.Center()) - spec.eye.value_or(bounds.Center());
     if (!IsFinite(view)) return Invalid("eye", "too far from the mesh");
-    camera->forward = MaxAbs(view) > 0 ? NormalizedAtAnyScale(view) : -toward_viewer;
-  } else {
-    camera->forward = -toward_viewer;
+    if (MaxAbs(view) > 0) camera->forward = NormalizedAtAnyScale(view);
   }
 
   camera->up = spec.up.value_or(Vec3d{0, 1, 0});
   Vec3d right = Cross(camera->forward, up);
   if (!(Length(right) > kParallel)) {
-    if (spec.up) return Invalid("up", "must not be parallel to the view from eye to target");
-    camera->up = Vec3d{0, 0, camera->forward.y < 0 ? -1.0 : 1.0};
+    const bool is_down = Dot(camera->forward, up) < 0;
+    if (spec.up && (!spec.view || spec.projection == Projection::kSpherical)) {
+      return Invalid("up", "must not be parallel to the view");
+    }
+    camera->up = is_down ? -compass.front : compass.front;
     right = Cross(camera->forward, camera->up);
   }
   camera->right = Normalized(right);
@@ -118,22 +156,87 @@ Status ChooseAxes(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera
 
 // Step 3: the distance and the target.
 void PlacePerspective(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera) {
+  if (spec.intrinsic) {
+    camera->pixel_width = 1 / spec.intrinsic->fx;
+    camera->pixel_height = 1 / spec.intrinsic->fy;
+    camera->center_x_px = spec.intrinsic->cx;
+    camera->center_y_px = spec.intrinsic->cy;
+  } else {
+    camera->fov_deg = spec.fov_deg.value_or(kDefaultFovDeg);
+    camera->pixel_height = 2 * std::tan(ToRadians(camera->fov_deg) / 2) / camera->height;
+    camera->pixel_width = camera->pixel_height;
+  }
+  if (spec.extrinsic) return;
   if (spec.eye) {
     camera->eye = *spec.eye;
     return;
   }
   camera->target = spec.target.value_or(bounds.Center());
-  const double slope_x = camera->half_width * kFramedShare;
-  const double slope_y = camera->half_height * kFramedShare;
+  // The middle of the image at depth 1, and how far from it the box may reach.
+  const double middle_x = (camera->width / 2.0 - camera->center_x_px) * camera->pixel_width;
+  const double middle_y = (camera->center_y_px - camera->height / 2.0) * camera->pixel_height;
+  const double slope_x = camera->width * camera->pixel_width / 2 * kFramedShare;
+  const double slope_y = camera->height * camera->pixel_height / 2 * kFramedShare;
   double distance = 0;
   for (const Corner& c : CornersAround(bounds, camera->target, *camera)) {
-    // A corner is inside if |x| <= slope_x * (distance - nearness), and likewise for y. The last
-    // term keeps a box without width and height in the image away from the eye.
-    distance =
-        std::max({distance, std::abs(c.x) / slope_x + c.nearness,
-                  std::abs(c.y) / slope_y + c.nearness, c.nearness + SizeOf(bounds) * 0x1p-10});
+    // The corner's depth is distance - nearness. It is inside if its distance from the middle,
+    // |x + middle_x * nearness|, is at most slope_x * depth, and likewise for y. The last term
+    // keeps a box without width and height in the image away from the eye.
+    distance = std::max({distance, std::abs(c.x + middle_x * c.nearness) / slope_x + c.nearness,
+                         std::abs(c.y + middle_y * c.nearness) / slope_y + c.nearness,
+                         c.nearness + SizeOf(bounds) * 0x1p-10});
   }
-  camera->eye = camera->target - camera->forward * distance;
+  const Vec3d to_middle = camera->forward + camera->right * middle_x + camera->upward * middle_y;
+  camera->eye = camera->target - to_middle * distance;
+}
+
+// Works on the inverse of the matrix, as other programs do: a matrix that is only nearly
+// orthonormal then gives the same rays there and here.
+Status PlaceByMatrix(const Extrinsics& m, const Bounds3d& bounds, Camera* camera) {
+  for (const double number : m) {
+    if (!std::isfinite(number)) return Invalid("extrinsic", "must be finite");
+  }
+  if (m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1) {
+    return Invalid("extrinsic", "the last row must be 0, 0, 0, 1");
+  }
+  const std::array<Vec3d, 3> rows = {Vec3d{m[0], m[1], m[2]}, Vec3d{m[4], m[5], m[6]},
+                                     Vec3d{m[8], m[9], m[10]}};
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t j = i; j < 3; ++j) {
+      const double expected = i == j ? 1.0 : 0.0;
+      if (!(std::abs(Dot(rows[i], rows[j]) - expected) <= kOrthonormal)) {
+        return Invalid("extrinsic", "rows 1 to 3 must begin with a rotation: row " +
+                                        std::to_string(i + 1) + " times row " +
+                                        std::to_string(j + 1) + " must be " +
+                                        std::to_string(i == j ? 1 : 0) + " within 1e-6");
+      }
+    }
+  }
+  const double determinant = Dot(rows[0], Cross(rows[1], rows[2]));
+  if (!(determinant > 0)) {
+    return Invalid("extrinsic", "rows 1 to 3 must begin with a rotation: the determinant is -1");
+  }
+  const double scale = 1 / determinant;
+  camera->right = Cross(rows[1], rows[2]) * scale;
+  camera->upward = Cross(rows[2], rows[0]) * -scale;
+  camera->forward = Cross(rows[0], rows[1]) * scale;
+  camera->eye = camera->upward * m[7] - camera->right * m[3] - camera->forward * m[11];
+  camera->target = camera->eye + camera->forward * SizeOf(bounds);
+  camera->up = camera->upward;
+  return {};
+}
+
+void PlaceSpherical(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera) {
+  camera->eye = spec.eye.value_or(bounds.Center());
+  camera->target = spec.target.value_or(bounds.Center());
+  camera->h_fov = ToRadians(spec.h_fov_deg.value_or(360));
+  camera->v_fov = ToRadians(spec.v_fov_deg.value_or(180));
+  const Vec3d view = camera->forward;
+  camera->upward = NormalizedAtAnyScale(camera->up);
+  camera->forward = Normalized(Cross(camera->upward, camera->right));
+  const double highest = std::max(std::numbers::pi / 2 - camera->v_fov / 2, 0.0);
+  const double elevation = std::atan2(Dot(view, camera->upward), Dot(view, camera->forward));
+  camera->middle_elevation = std::clamp(elevation, -highest, highest);
 }
 
 void PlaceOrthographic(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera) {
@@ -158,8 +261,8 @@ void PlaceOrthographic(const CameraSpec& spec, const Bounds3d& bounds, Camera* c
     }
     camera->view_height = half_height > 0 ? 2 * half_height / kFramedShare : size;
   }
-  camera->half_height = camera->view_height / 2;
-  camera->half_width = camera->half_height * camera->width / camera->height;
+  camera->pixel_height = camera->view_height / camera->height;
+  camera->pixel_width = camera->pixel_height;
 }
 
 }  // namespace
@@ -173,25 +276,34 @@ Result<Camera> ResolveCamera(const CameraSpec& spec, const Bounds3d& bounds, int
   camera.projection = spec.projection;
   camera.width = width;
   camera.height = height;
-  if (Status status = ChooseAxes(spec, bounds, &camera); !status.ok()) {
-    return std::move(status).error();
-  }
+  camera.center_x_px = width / 2.0;
+  camera.center_y_px = height / 2.0;
+  const bool by_matrix = spec.extrinsic && spec.projection == Projection::kPerspective;
+  Status axes = by_matrix ? PlaceByMatrix(*spec.extrinsic, bounds, &camera)
+                          : ChooseAxes(spec, bounds, &camera);
+  if (!axes.ok()) return std::move(axes).error();
 
-  if (spec.projection == Projection::kPerspective) {
-    camera.fov_deg = spec.fov_deg.value_or(kDefaultFovDeg);
-    camera.half_height = std::tan(ToRadians(camera.fov_deg) / 2);
-    camera.half_width = camera.half_height * width / height;
-    PlacePerspective(spec, bounds, &camera);
-  } else {
-    PlaceOrthographic(spec, bounds, &camera);
+  switch (spec.projection) {
+    case Projection::kPerspective:
+      PlacePerspective(spec, bounds, &camera);
+      break;
+    case Projection::kOrthographic:
+      PlaceOrthographic(spec, bounds, &camera);
+      break;
+    case Projection::kSpherical:
+      PlaceSpherical(spec, bounds, &camera);
+      break;
   }
-  if (spec.eye) {
+  if (spec.eye && !by_matrix) {
     camera.target = spec.target.value_or(bounds.Center());
     if (camera.target == camera.eye) camera.target = camera.eye + camera.forward * SizeOf(bounds);
   }
-  if (!IsFinite(camera.eye) || !IsFinite(camera.target) || !std::isfinite(camera.half_width) ||
-      !std::isfinite(camera.half_height)) {
-    return Invalid("eye", "the view is too large for the numbers that describe it");
+  const double reach_x = (width + std::abs(camera.center_x_px)) * camera.pixel_width;
+  const double reach_y = (height + std::abs(camera.center_y_px)) * camera.pixel_height;
+  if (!IsFinite(camera.eye) || !IsFinite(camera.target) || !std::isfinite(reach_x) ||
+      !std::isfinite(reach_y)) {
+    const std::string_view field = by_matrix ? "extrinsic" : spec.intrinsic ? "intrinsic" : "eye";
+    return Invalid(field, "the view is too large for the numbers that describe it");
   }
   return camera;
 }

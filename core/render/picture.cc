@@ -4,42 +4,28 @@
 #include <atomic>
 #include <cmath>
 #include <cstddef>
-#include <limits>
+#include <optional>
 #include <span>
-#include <tuple>
 #include <utility>
 
 #include "core/base/cancel_poll.h"
 #include "core/base/parallel.h"
 #include "core/render/cell_lines.h"
+#include "core/render/depth_range.h"
+#include "core/render/heat_map.h"
 #include "core/render/shading.h"
 
 namespace kdray::core {
 namespace {
 
-constexpr float kFarGrey = 32.0f / 255.0f;
 // Work (CancelPoll) of a byte of the picture.
 constexpr std::uint64_t kWorkPerByte = 32;
-
-// Depths of the mesh's bounds, clamped to in front of the eye.
-std::pair<double, double> DepthRange(const RenderedImage& image) {
-  double near = std::numeric_limits<double>::infinity();
-  double far = 0;
-  for (unsigned i = 0; i < 8; ++i) {
-    const double depth = std::max(image.camera.ToView(image.bounds.Corner(i)).depth, 0.0);
-    near = std::min(near, depth);
-    far = std::max(far, depth);
-  }
-  return {near, far};
-}
 
 // Colour of one pixel in front of the background, premultiplied: in codes / 255, because values
 // that are not light are blended without encoding; for kAmbientOcclusion linear.
 class DataColors {
  public:
-  explicit DataColors(const RenderedImage& image) : image_(image) {
-    std::tie(near_, far_) = DepthRange(image);
-  }
+  DataColors(const RenderedImage& image, const DepthRange& range) : image_(image), range_(range) {}
 
   Rgba operator()(int x, int y) const {
     switch (image_.mode) {
@@ -51,10 +37,7 @@ class DataColors {
       case RenderMode::kDepth: {
         const float depth = std::get<Film<float>>(image_.values)(x, y)[0];
         if (!std::isfinite(depth)) return {};
-        const double range = far_ - near_;
-        const double share =
-            range > 0 ? std::clamp((static_cast<double>(depth) - near_) / range, 0.0, 1.0) : 0.0;
-        const float grey = 1.0f - (1.0f - kFarGrey) * static_cast<float>(share);
+        const float grey = static_cast<float>(GreyOf(range_, depth)) / 255.0f;
         return {grey, grey, grey, 1.0f};
       }
       case RenderMode::kTriangle: {
@@ -70,6 +53,13 @@ class DataColors {
             std::max(std::get<Film<float>>(image_.values)(x, y)[0] - (1.0f - share), 0.0f);
         return {grey, grey, grey, share};
       }
+      case RenderMode::kCost: {
+        const auto cost = std::get<Film<std::int32_t>>(image_.values)(x, y);
+        if (cost[0] == 0 && cost[1] == 0) return {};
+        const Rgb c = HeatColor(cost[0], cost[1]);
+        return {c.r, c.g, c.b, 1.0f};
+      }
+      case RenderMode::kPosition:
       case RenderMode::kShaded:
         break;
     }
@@ -78,7 +68,7 @@ class DataColors {
 
  private:
   const RenderedImage& image_;
-  double near_ = 0, far_ = 0;
+  const DepthRange range_;
 };
 
 // `encode` turns one straight channel into its code.
@@ -105,7 +95,13 @@ Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cance
   const auto channels = static_cast<std::size_t>(picture.channels);
   picture.pixels.resize(region.pixel_count() * channels);
 
-  const DataColors data_color(image);
+  std::optional<DepthRange> range = image.depth_range;
+  if (image.mode == RenderMode::kDepth && !range) {
+    Result<std::optional<DepthRange>> of_film = RangeOfFilm(image, cancel);
+    if (!of_film.ok()) return std::move(of_film).error();
+    range = *of_film;
+  }
+  const DataColors data_color(image, range.value_or(DepthRange{}));
   const bool is_light = image.mode == RenderMode::kAmbientOcclusion;
   const auto as_blended = [&](const Rgb& color) {
     const Rgb c = is_light ? SrgbToLinear(color) : color;

@@ -21,14 +21,15 @@ struct Picture {
 /// 4 channels when the background is transparent, else 3.
 ///   kShaded    sRGB-encoded.
 ///   kNormal    (n + 1) / 2 as codes 0..255, not sRGB-encoded, over the background.
-///   kDepth     grey, lighter when nearer: code 255 at the least depth of the mesh's bounds (0 when
-///              the eye is among them), 32 at the greatest, linear between. The range is that of
-///              the bounds, not of the pixels, so regions fit together.
+///   kDepth     grey, lighter when nearer (GreyOf, with image.depth_range; without one, the range
+///              of the image's own hits).
 ///   kAmbientOcclusion  grey, sRGB-encoded.
 ///   kTriangle  a colour by number (HashedColor).
-/// Pixels that miss show the background. Lines of cells are drawn over everything. A region's
-/// picture equals its part of the whole picture. O(pixels), in parallel within the caller's arena.
-/// Errors: kCancelled, kDeadlineExceeded.
+///   kCost      a colour by the work (HeatColor); no work counts as a miss.
+/// Pixels that miss show the background. kPosition has no picture: the background. Lines of cells
+/// are drawn over everything. A region's picture equals its part of the whole picture; of kDepth,
+/// if depth_range is that of the whole image (RangeOfWholeImage). O(pixels), in parallel within the
+/// caller's arena. Errors: kCancelled, kDeadlineExceeded.
 Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cancel);
 /// The same without cancellation.
 Picture MakePicture(const RenderedImage& image);

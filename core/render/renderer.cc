@@ -14,6 +14,8 @@
 
 #include "core/base/parallel.h"
 #include "core/render/cell_lines.h"
+#include "core/render/centre_values.h"
+#include "core/render/picture_precision.h"
 #include "core/render/sampled_tiles.h"
 #include "core/render/tile_renderer.h"
 #include "core/render/tile_scratch.h"
@@ -119,6 +121,12 @@ Status MakeFilms(const Region& region, bool with_lines, const CancelToken& cance
     case RenderMode::kTriangle:
       image->values = Film<std::int32_t>(region, 1, &poll);
       break;
+    case RenderMode::kCost:
+      image->values = Film<std::int32_t>(region, 2, &poll);
+      break;
+    case RenderMode::kPosition:
+      image->values = Film<double>(region, 3, &poll);
+      break;
   }
   if (with_lines && image->mode != RenderMode::kShaded) {
     image->lines = Film<float>(region, 1, &poll);
@@ -142,10 +150,6 @@ class FirstError {
   std::mutex mutex_;
   std::optional<Error> error_;
 };
-
-bool HasOneSample(RenderMode mode) {
-  return mode == RenderMode::kDepth || mode == RenderMode::kTriangle;
-}
 
 /// Whether the pixels take 1 or kSmoothSamples, by the colours around them.
 bool IsSmoothed(const RenderSpec& spec) {
@@ -345,6 +349,8 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
   RenderedImage image;
   image.mode = spec.mode;
   image.camera = *std::move(camera);
+  image.precision =
+      spec.precision ? *spec.precision : PicturePrecision(*scene.mesh, image.camera, cancel);
   image.bounds = scene.mesh->bounds();
   const bool shows_light =
       spec.mode == RenderMode::kShaded || spec.mode == RenderMode::kAmbientOcclusion;
@@ -356,7 +362,7 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
   }
 
   const SamplingRule rule = RuleOf(spec);
-  const TraceOptions trace_options = {.precision = spec.precision, .cancel = cancel};
+  const TraceOptions trace_options = {.precision = image.precision, .cancel = cancel};
   ScratchPool pool;
   TileRenderer renderer(scene, trace_options, &pool, &image);
   if (spec.cells_depth) {

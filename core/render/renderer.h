@@ -32,6 +32,15 @@ enum class RenderMode : std::uint8_t {
   kTriangle,          ///< number of the triangle
   kAmbientOcclusion,  ///< the share of the surroundings that nothing near hides, weighted by the
                       ///< cosine to the normal on the viewer's side
+  kCost,              ///< nodes visited and triangles tested on the binary tree (TraceCost);
+                      ///< depends on the build
+  kPosition,          ///< the triangle's point (SurfacePoint), world units
+};
+
+/// Depths that a depth picture shows, world units; near <= far.
+struct DepthRange {
+  double near = 0, far = 0;
+  friend bool operator==(const DepthRange&, const DepthRange&) = default;
 };
 
 /// The background of the mesh.
@@ -48,13 +57,14 @@ struct RenderSpec {
   int width = 640, height = 480;  ///< pixels of the whole image, each 1..kMaxWholeSide
   CameraSpec camera = {};
   RenderMode mode = RenderMode::kShaded;
-  /// Per pixel, 1..kMaxSamples; 1 is the pixel's centre. kDepth and kTriangle always take one.
+  /// Per pixel, 1..kMaxSamples; 1 is the pixel's centre. Modes for which
+  /// HasOneSample always take it.
   /// nullopt: as many as smooth silhouettes need, which is kSmoothSamples or, where the colours
   /// around the pixel hardly differ, 1. That depends only on the centre samples of the pixel and of
   /// its 8 neighbours in the whole image. kAmbientOcclusion then takes kSmoothSamples everywhere.
   std::optional<int> samples = 1;
-  Precision precision = Precision::kWatertight;
-  Rgb color = {0.93f, 0.88f, 0.81f};                    ///< of the mesh, sRGB, each 0..1
+  std::optional<Precision> precision = Precision::kWatertight;  ///< nullopt: PicturePrecision
+  Rgb color = {0.93f, 0.88f, 0.81f};                            ///< of the mesh, sRGB, each 0..1
   std::optional<Background> background = std::nullopt;  ///< left out: white for kShaded, else black
 
   /// kShaded: at most kMaxLights. Empty: everything is black. nullopt: a headlight, which is a
@@ -107,17 +117,21 @@ enum class Stopped : std::uint8_t {
 /// A rendered image. All films cover the same region.
 struct RenderedImage {
   RenderMode mode = RenderMode::kShaded;
-  Camera camera;          ///< as used, chosen values filled in
-  Bounds3d bounds;        ///< of the mesh, world units
-  Background background;  ///< as used
+  Camera camera;                                 ///< as used, chosen values filled in
+  Precision precision = Precision::kWatertight;  ///< as used
+  Bounds3d bounds;                               ///< of the mesh, world units
+  Background background;                         ///< as used
 
   /// kShaded: float, 4 channels: linear red, green, blue premultiplied by the fourth, coverage
   /// (less than 1 only with a transparent background). Includes lines of cells. kNormal: float, 3
   /// channels: mean over the samples of x, y, z, where a miss counts as 0 0 0. kDepth: float, 1
   /// channel: infinity for a miss; a hit beyond the range of float has the largest float.
   /// kTriangle: int32, 1 channel: -1 for a miss. kAmbientOcclusion: float, 1 channel: the mean over
-  /// the samples, 0 where all is hidden; a miss counts as 1.
-  std::variant<Film<float>, Film<std::int32_t>> values;
+  /// the samples, 0 where all is hidden; a miss counts as 1. kCost: int32, 2
+  /// channels. kPosition: double, 3 channels: NaN for a miss.
+  std::variant<Film<float>, Film<std::int32_t>, Film<double>> values;
+
+  std::optional<DepthRange> depth_range;  ///< kDepth: what MakePicture shows; set by its caller
 
   std::optional<Film<float>>
       coverage;                      ///< kNormal, kAmbientOcclusion: share of the samples that hit
@@ -140,7 +154,7 @@ inline constexpr std::size_t kBudgetBytesPerPixel = 64;
 /// Renders in tiles, in parallel within the caller's arena. The result depends only on scene.mesh
 /// and spec (with cells_depth also on the tree, with a budget also on the time). It does not depend
 /// on the number of threads, nor on the region, so regions put together equal the whole bit for
-/// bit. Only the mode's values are computed. Memory: 16 bytes a pixel at most, and some 0.5 MB a
+/// bit. Only the mode's values are computed. Memory: 24 bytes a pixel at most, and some 0.5 MB a
 /// thread; with a budget kBudgetBytesPerPixel besides. `progress` may be null; it reaches 1.
 /// Errors: kInvalidArgument (with Error::field), kCancelled, kDeadlineExceeded. Safe from many
 /// threads at once.

@@ -1,7 +1,8 @@
 #include "core/render/tile_renderer.h"
 
 #include <algorithm>
-#include <limits>
+
+#include "core/render/centre_values.h"
 
 namespace kdray::core {
 namespace {
@@ -36,29 +37,11 @@ void TileRenderer::SetLines(CellLines lines) {
 
 Status TileRenderer::RenderCentres(const Tile& tile) const {
   const ScratchPool::Lease scratch(pool_);
-  std::vector<Ray>& rays = scratch.get()->rays;
-  rays.clear();
-  ForEachPixel(tile, [&](int x, int y, std::size_t) {
-    rays.push_back(image_->camera.RayThrough(x + 0.5, y + 0.5));
-  });
-  scratch.get()->counts.camera_rays += rays.size();
+  scratch.get()->counts.camera_rays += tile.pixel_count();
   std::vector<Hit>& hits = scratch.get()->hits;
-  hits.resize(rays.size());
-  Status status = TraceClosest(scene_, std::span<const Ray>(rays), trace_options_, hits);
+  Status status =
+      core::RenderCentres(scene_, trace_options_, tile, image_, &scratch.get()->rays, &hits);
   if (!status.ok()) return status;
-  if (image_->mode == RenderMode::kDepth) {
-    constexpr double kLargest = std::numeric_limits<float>::max();
-    auto& film = std::get<Film<float>>(image_->values);
-    ForEachPixel(tile, [&](int x, int y, std::size_t i) {
-      film(x, y)[0] = hits[i].IsHit() ? static_cast<float>(std::min(hits[i].t, kLargest))
-                                      : std::numeric_limits<float>::infinity();
-    });
-  } else {
-    auto& film = std::get<Film<std::int32_t>>(image_->values);
-    ForEachPixel(tile, [&](int x, int y, std::size_t i) {
-      film(x, y)[0] = hits[i].IsHit() ? static_cast<std::int32_t>(hits[i].primitive_id) : -1;
-    });
-  }
   if (lines_) {
     std::vector<float> opacity(tile.pixel_count());
     status = FindLines(tile, hits, 1, opacity);

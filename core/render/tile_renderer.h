@@ -29,7 +29,7 @@ class TileRenderer {
 
   void SetLines(CellLines lines);
 
-  /// kDepth and kTriangle: renders the pixels' centres in one step.
+  /// Modes for which HasOneSample: renders the pixels' centres in one step.
   Status RenderCentres(const Tile& tile) const;
 
   bool draws_lines() const { return lines_.has_value(); }

@@ -19,8 +19,10 @@ namespace {
 
 using api::ImageForm;
 
-/// Four floats per pixel, and the encoder's memory; with a budget, also the sums of the pixels.
+/// Four floats per pixel, and the encoder's memory; or three doubles, and their copy in the answer;
+/// with a budget, also the sums of the pixels.
 constexpr std::uint64_t kMemoryPerPixel = 32;
+constexpr std::uint64_t kMemoryPerPosition = 48;
 constexpr std::uint64_t kMemoryPerRefinedPixel = 64;
 
 std::uint64_t Pixels(const api::RenderRequest& request) {
@@ -34,13 +36,15 @@ std::uint64_t Pixels(const api::RenderRequest& request) {
 api::Outcome<HttpResponse> AnswerRender(const HandlerContext& context, RoutedRequest& routed,
                                         const api::RenderRequest& request, ImageForm form) {
   const std::uint64_t per_pixel =
-      kMemoryPerPixel + (request.budget_ms ? kMemoryPerRefinedPixel : 0);
+      (request.mode == api::RenderMode::kPosition ? kMemoryPerPosition : kMemoryPerPixel) +
+      (request.budget_ms ? kMemoryPerRefinedPixel : 0);
   const auto memory = context.memory.Take(Pixels(request) * per_pixel);
   if (!memory) return memory.problem();
   const TimeLimit limit{.ms = request.deadline_ms,
                         .default_ms = api::RenderRequest().deadline_ms,
                         .parameter = "deadline_ms"};
-  const TreeUse use = request.cells_depth ? TreeUse::kCells : TreeUse::kRays;
+  const bool needs_binary_tree = request.cells_depth || request.mode == api::RenderMode::kCost;
+  const TreeUse use = needs_binary_tree ? TreeUse::kCells : TreeUse::kRays;
   const auto computation = BeginComputation(context, routed, use, limit);
   if (!computation) return computation.problem();
   auto answer = computation->tree->Render(request, form == ImageForm::kPng, computation->cancel);
@@ -61,6 +65,10 @@ api::Outcome<HttpResponse> AnswerRender(const HandlerContext& context, RoutedReq
   response.headers.Add("Kdray-Samples", std::to_string(answer->samples));
   if (answer->noise) response.headers.Add("Kdray-Noise", api::NumberText(*answer->noise));
   response.headers.Add("Kdray-Stopped", api::Name(answer->stopped));
+  if (const auto& range = answer->depth_range) {
+    response.headers.Add("Kdray-Depth-Range",
+                         api::NumberText((*range)[0]) + "," + api::NumberText((*range)[1]));
+  }
   return response;
 }
 

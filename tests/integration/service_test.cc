@@ -218,6 +218,39 @@ TEST_F(ServiceOverHttp, AnswersARenderThatTheClientHasWithoutRendering) {
   EXPECT_EQ(running_.Ask("HEAD", Tree("/render.png?width=10&height=5")).Header("etag"), etag);
 }
 
+TEST_F(ServiceOverHttp, TellsRendersOfDifferentCamerasAndModesApart) {
+  std::set<std::string> etags;
+  const std::vector<std::string> queries = {"",
+                                            "view=front",
+                                            "view=iso",
+                                            "projection=spherical",
+                                            "projection=spherical&h_fov_deg=90",
+                                            "projection=spherical&v_fov_deg=90",
+                                            "intrinsic=9,9,5,5",
+                                            "intrinsic=9,9,5,6",
+                                            "extrinsic=1,0,0,0,0,1,0,0,0,0,1,5,0,0,0,1",
+                                            "extrinsic=1,0,0,0,0,1,0,0,0,0,1,6,0,0,0,1",
+                                            "mode=depth",
+                                            "mode=depth&depth_range=1,2",
+                                            "mode=depth&depth_range=1,3",
+                                            "mode=cost"};
+  for (const std::string& query : queries) {
+    const std::string target = Tree("/render.png?" + query);
+    const RawAnswer answer = running_.Ask("GET", target);
+    ASSERT_EQ(answer.status, 200) << query << answer.body;
+    const std::string etag = answer.Header("etag");
+    EXPECT_TRUE(etags.insert(etag).second) << query;
+    const RawAnswer head = running_.Ask("HEAD", target);
+    EXPECT_EQ(head.status, 200);
+    EXPECT_EQ(head.Header("etag"), etag);
+    EXPECT_EQ(head.Header("kdray-depth-range"), answer.Header("kdray-depth-range"));
+    EXPECT_EQ(running_.Ask("GET", target, "", "If-None-Match: " + etag + "\r\n").status, 304);
+  }
+  EXPECT_EQ(running_.Ask("GET", Tree("/render.png?mode=depth&depth_range=1,2.5"))
+                .Header("kdray-depth-range"),
+            "1,2.5");
+}
+
 TEST_F(ServiceOverHttp, SaysWhatASampledImageReachedAndKeepsNoneThatWasCut) {
   const RawAnswer whole = running_.Ask("GET", Tree("/render.png?max_noise=0.1"));
   EXPECT_EQ(whole.Header("kdray-samples"), "3");

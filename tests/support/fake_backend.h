@@ -266,6 +266,7 @@ class FakeBackend final : public server::Backend {
       api::RenderAnswer answer;
       answer.precision = api::Precision::kWatertight;
       answer.samples = 3;
+      answer.depth_range = request.depth_range;
       if (request.max_noise) answer.noise = 0.25;
       if (request.budget_ms) answer.stopped = api::Stopped::kBudget;
       if (png) {

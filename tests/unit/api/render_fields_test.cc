@@ -42,6 +42,9 @@ const std::vector<std::string_view> kNotAVector = {
     "null",  "true",      "1",          "\"1,2,3\"",   "{}",       "[]",
     "[0,0]", "[0,0,0,0]", "[0,0,null]", "[0,0,\"0\"]", "[0,0,[0]]"};
 
+const std::vector<std::string_view> kNotFour = {
+    "null", "true", "1", "\"1,2,3,4\"", "{}", "[]", "[1,1,0]", "[1,1,0,0,0]", "[1,1,0,null]"};
+
 const std::vector<FieldCase> kRenderCases = {
     {"width",
      "640",
@@ -61,7 +64,7 @@ const std::vector<FieldCase> kRenderCases = {
      kNotANumber},
     {"projection",
      "perspective",
-     {"perspective", "orthographic"},
+     {"perspective", "orthographic", "spherical"},
      {"", "Perspective", "ortho", "perspective,orthographic"},
      {"\"orthographic\""},
      {"\"\"", "\"Perspective\""},
@@ -76,6 +79,13 @@ const std::vector<FieldCase> kRenderCases = {
      kNotAVector},
     {"target", "", {"1,2,3"}, {"1,2"}, {"[1,2,3]"}, {}, kNotAVector},
     {"up", "", {"0,0,1", "0,1,0"}, {"0,0"}, {"[0,0,1]"}, {}, kNotAVector},
+    {"view",
+     "",
+     {"iso", "front", "back", "left", "right", "top", "bottom"},
+     {"", "Front", "front,top", "0"},
+     {"\"iso\""},
+     {"\"\"", "\"Front\""},
+     kNotText},
     {"fov_deg",
      "40",
      {"0.001", "179.999", "4e1"},
@@ -90,13 +100,50 @@ const std::vector<FieldCase> kRenderCases = {
      {"1e-300", "7"},
      {"0", "-0.0", "-1"},
      kNotANumber},
+    {"h_fov_deg",
+     "360",
+     {"0.001", "360"},
+     {"", "0", "-1", "360.001", "nan", "inf"},
+     {"0.001", "360"},
+     {"0", "360.001"},
+     kNotANumber},
+    {"v_fov_deg",
+     "180",
+     {"0.001", "180"},
+     {"", "0", "-1", "180.001", "nan", "inf"},
+     {"0.001", "180"},
+     {"0", "180.001"},
+     kNotANumber},
+    {"intrinsic",
+     "",
+     {"500,500,320,240", "1e-3,1e3,-5,0"},
+     {"", "500", "500,500,320", "500,500,320,240,1", "500,500,320,nan", "500,500,inf,240"},
+     {"[500,500,320,240]"},
+     {},
+     kNotFour},
+    {"extrinsic",
+     "",
+     {"1,0,0,0,0,1,0,0,0,0,1,5,0,0,0,1"},
+     {"", "1,0,0,0,0,1,0,0,0,0,1,5,0,0,0", "1,0,0,0,0,1,0,0,0,0,1,5,0,0,0,1,0",
+      "1,0,0,0,0,1,0,0,0,0,1,nan,0,0,0,1"},
+     {"[1,0,0,0,0,1,0,0,0,0,1,5,0,0,0,1]"},
+     {},
+     {"null", "true", "1", "\"1\"", "{}", "[]", "[[1,0,0,0],[0,1,0,0],[0,0,1,5],[0,0,0,1]]",
+      "[1,0,0,0,0,1,0,0,0,0,1,5,0,0,0]", "[1,0,0,0,0,1,0,0,0,0,1,null,0,0,0,1]"}},
     {"mode",
      "shaded",
-     {"shaded", "normal", "depth", "triangle", "ambient-occlusion"},
-     {"", "Shaded", "wireframe", "ambient_occlusion", "cost"},
+     {"shaded", "normal", "depth", "triangle", "ambient-occlusion", "cost"},
+     {"", "Shaded", "wireframe", "ambient_occlusion", "position"},
      {"\"depth\""},
-     {"\"cost\"", "\"x\""},
+     {"\"position\"", "\"x\""},
      kNotText},
+    {"depth_range",
+     "",
+     {"0,1", "-1,1e300", "2,2"},
+     {"", "1", "1,2,3", "2,1", "nan,1", "0,inf"},
+     {"[0,1]"},
+     {"[1,0]"},
+     {"null", "true", "1", "\"0,1\"", "{}", "[]", "[1]", "[1,2,3]", "[0,null]"}},
     {"samples",
      "",
      {"1", "1024"},
@@ -249,25 +296,31 @@ TEST(RenderFields, KeepTheirDefaultWhenLeftOut) {
   EXPECT_EQ(CanonicalQuery(RenderRequest{}), canonical);
 }
 
+/// The projection or mode that a field needs; empty for the default one.
+std::string NeedsOf(std::string_view field) {
+  if (field == "view_height") return "projection=orthographic";
+  if (field == "depth_range") return "mode=depth";
+  if (field == "ao_radius") return "mode=ambient-occlusion";
+  return field == "h_fov_deg" || field == "v_fov_deg" ? "projection=spherical" : "";
+}
+
 TEST(RenderFields, TakeEveryValueUpToTheirLimits) {
   for (const FieldCase& c : kRenderCases) {
     // The image must be small enough for the limits, and the projection the one of the field.
     const std::string small = c.name == "width"    ? "&height=1&region=0,0,1,1"
                               : c.name == "height" ? "&width=1&region=0,0,1,1"
                                                    : "";
-    const bool ortho = c.name == "view_height";
-    const bool occlusion = c.name == "ao_radius";
+    const std::string needs = NeedsOf(c.name);
     for (const std::string_view text : c.good_text) {
-      const auto request =
-          Query(Named(c, text) + small + (ortho ? "&projection=orthographic" : "") +
-                (occlusion ? "&mode=ambient-occlusion" : ""));
+      const auto request = Query(Named(c, text) + small + (needs.empty() ? "" : "&" + needs));
       EXPECT_TRUE(request) << Named(c, text) << ": " << request.problem().detail;
     }
     for (const std::string_view json : c.good_json) {
       std::string body = JsonNamed(c, json);
       if (!small.empty()) body.insert(1, "\"region\":[0,0,1,1],");
-      if (ortho) body.insert(1, "\"projection\":\"orthographic\",");
-      if (occlusion) body.insert(1, "\"mode\":\"ambient-occlusion\",");
+      if (const std::size_t equals = needs.find('='); equals != std::string::npos) {
+        body.insert(1, "\"" + needs.substr(0, equals) + "\":\"" + needs.substr(equals + 1) + "\",");
+      }
       const auto request = Body(body);
       EXPECT_TRUE(request) << body << ": " << request.problem().detail;
     }
@@ -336,8 +389,9 @@ FieldValue RandomValue(const FieldKind& kind, std::mt19937_64& random) {
   if (const auto* k = std::get_if<NumberKind>(&kind)) return number(k->min, k->max);
   if (const auto* k = std::get_if<VectorKind>(&kind)) {
     if (!k->word.empty() && integer(0, 1)) return std::string(k->word);
-    return std::vector<double>{number(k->min, k->max), number(k->min, k->max),
-                               number(k->min, k->max)};
+    std::vector<double> numbers(k->count);
+    for (double& n : numbers) n = number(k->min, k->max);
+    return numbers;
   }
   if (const auto* k = std::get_if<ChoiceKind>(&kind)) {
     return integer(0, static_cast<std::int64_t>(k->names.size()) - 1);
@@ -375,6 +429,12 @@ const std::vector<std::string_view> kSampledModes = {"shaded", "normal", "ambien
 const std::vector<Belonging> kBelongings = {
     {"fov_deg", "50", "40", {"perspective"}, {}, {}},
     {"view_height", "2", "", {"orthographic"}, {}, {}},
+    {"h_fov_deg", "90", "360", {"spherical"}, {}, {}},
+    {"v_fov_deg", "90", "180", {"spherical"}, {}, {}},
+    {"intrinsic", "500,500,320,240", "", {"perspective"}, {}, {}},
+    {"extrinsic", "1,0,0,0,0,1,0,0,0,0,1,5,0,0,0,1", "", {"perspective"}, {}, {}},
+    {"cells_depth", "3", "", {"perspective", "orthographic"}, {}, {}},
+    {"depth_range", "1,2", "", {}, {"depth"}, {"render.png"}},
     {"samples", "4", "1", {}, kSampledModes, {}},
     {"seed", "3", "0", {}, kSampledModes, {}},
     {"max_samples", "64", "1024", {}, kSampledModes, {}},
@@ -393,6 +453,11 @@ bool Holds(const std::vector<std::string_view>& names, std::string_view name) {
 }
 
 bool IsUsed(std::string_view field, const RenderRequest& request) {
+  // Replaced by fields that come before them in the table, or replacing them.
+  if (field == "view" && request.eye) return false;
+  if (field == "intrinsic" && request.fov_deg != 40) return false;
+  const bool has_view = request.eye || request.target || request.up || request.view;
+  if (field == "extrinsic" && has_view) return false;
   return std::all_of(kBelongings.begin(), kBelongings.end(), [&](const Belonging& b) {
     return b.field != field ||
            (Holds(b.projections, Name(request.projection)) && Holds(b.modes, Name(request.mode)));
@@ -402,6 +467,7 @@ bool IsUsed(std::string_view field, const RenderRequest& request) {
 TEST(UnusedFields, AreRefusedByNameUnlessTheyHaveTheirDefault) {
   for (const std::string_view projection : kProjectionNames) {
     for (const std::string_view mode : kRenderModeNames) {
+      if (mode == "position") continue;  // has no picture
       const std::string kind =
           "projection=" + std::string(projection) + "&mode=" + std::string(mode);
       const std::string json = "{\"projection\":\"" + std::string(projection) + "\",\"mode\":\"" +
@@ -430,10 +496,11 @@ TEST(UnusedFields, AreRefusedByNameUnlessTheyHaveTheirDefault) {
           EXPECT_EQ(query(text).problem().parameter, name);
           EXPECT_EQ(body.problem().code, ErrorCode::kInvalidParameter);
           EXPECT_EQ(body.problem().parameter, "/" + name);
-          for (const auto* owners : {&b.projections, &b.modes, &b.forms}) {
-            for (const std::string_view owner : *owners) {
-              EXPECT_THAT(query(text).problem().detail, HasSubstr(owner));
-            }
+          const auto& owners = !Holds(b.projections, projection) ? b.projections
+                               : !Holds(b.modes, mode)           ? b.modes
+                                                                 : b.forms;
+          for (const std::string_view owner : owners) {
+            EXPECT_THAT(query(text).problem().detail, HasSubstr(owner));
           }
         }
       }
@@ -442,7 +509,8 @@ TEST(UnusedFields, AreRefusedByNameUnlessTheyHaveTheirDefault) {
 }
 
 TEST(UnusedFields, MayHoldTheBackgroundThatTheModeHas) {
-  for (const std::string mode : {"shaded", "normal", "depth", "triangle", "ambient-occlusion"}) {
+  for (const std::string mode :
+       {"shaded", "normal", "depth", "triangle", "ambient-occlusion", "cost", "position"}) {
     const bool white = mode == "shaded" || mode == "ambient-occlusion";
     const auto npy = [&](const char* background) {
       return DecodeRenderQuery("mode=" + mode + "&background=" + background, ImageForm::kNpy,
@@ -487,6 +555,80 @@ TEST(Lights, AreAtMostSixtyFour) {
   EXPECT_EQ(Body("{\"lights\":" + lights + "}").problem().actual, 65);
 }
 
+TEST(RenderFields, OfPositionBelongToArrays) {
+  EXPECT_TRUE(DecodeRenderQuery("mode=position", ImageForm::kNpy, kLimits));
+  const auto png = Query("mode=position");
+  ASSERT_FALSE(png);
+  EXPECT_EQ(png.problem().code, ErrorCode::kInvalidParameter);
+  EXPECT_EQ(png.problem().parameter, "mode");
+  for (const std::string field : {"samples=2", "seed=1", "max_samples=5", "max_noise=0.1",
+                                  "budget_ms=9", "color=0,0,0", "background=1,1,1"}) {
+    EXPECT_FALSE(DecodeRenderQuery("mode=position&" + field, ImageForm::kNpy, kLimits)) << field;
+  }
+}
+
+TEST(DepthRange, IsRequiredForARegionOfAnImageAboveTheLimit) {
+  Limits limits;
+  limits.max_pixels = 10'000;
+  const auto decode = [&](const std::string& query, ImageForm form = ImageForm::kPng) {
+    return DecodeRenderQuery("mode=depth&" + query, form, limits);
+  };
+  const std::string large = "width=1000&height=11&region=0,0,10,10";
+  EXPECT_TRUE(decode("width=1000&height=10&region=0,0,10,10"));
+  EXPECT_TRUE(decode(large, ImageForm::kNpy));
+  EXPECT_TRUE(decode(large + "&depth_range=1,2"));
+  const auto refused = decode(large);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.problem().code, ErrorCode::kInvalidParameter);
+  EXPECT_EQ(refused.problem().parameter, "depth_range");
+  EXPECT_EQ(refused.problem().limit, 10'000);
+  EXPECT_EQ(refused.problem().actual, 11'000);
+  EXPECT_EQ(decode("width=1000&height=11").problem().code, ErrorCode::kImageTooLarge);
+}
+
+TEST(Regions, MayBeOfImagesAboveTheLargestSide) {
+  EXPECT_TRUE(Query("width=20000&height=20&region=0,0,64,20"));
+  EXPECT_TRUE(Query("width=1048576&height=1048576&region=1048512,1048556,1048576,1048576"));
+  EXPECT_EQ(Query("width=20000&height=20").problem().code, ErrorCode::kImageTooLarge);
+  EXPECT_EQ(Query("width=20000&height=20&region=0,0,16385,20").problem().code,
+            ErrorCode::kImageTooLarge);
+}
+
+TEST(ReplacedFields, AreRefusedByNameUnlessTheyHaveTheirDefault) {
+  const std::string extrinsic = "extrinsic=1,0,0,0,0,1,0,0,0,0,1,5,0,0,0,1";
+  const std::string intrinsic = "intrinsic=500,500,320,240";
+  struct Case {
+    std::string field, replaced;
+    bool is_accepted = false;
+  };
+  const std::vector<Case> cases = {
+      {extrinsic, "eye=1,2,3"},        {extrinsic, "target=1,2,3"},
+      {extrinsic, "up=0,0,1"},         {extrinsic, "up=0,1,0", true},
+      {extrinsic, "view=front"},       {extrinsic, "fov_deg=30", true},
+      {"eye=1,2,3", "view=front"},     {intrinsic, "fov_deg=30"},
+      {intrinsic, "fov_deg=40", true}, {intrinsic, extrinsic, true},
+      {intrinsic, "view=top", true},   {"target=1,2,3", "view=iso", true},
+      {"up=0,0,1", "view=top", true},
+  };
+  for (const Case& c : cases) {
+    for (const auto& request :
+         {Query(c.field + "&" + c.replaced), Query(c.replaced + "&" + c.field)}) {
+      SCOPED_TRACE(c.field + " " + c.replaced);
+      ASSERT_EQ(request.ok(), c.is_accepted);
+      if (c.is_accepted) continue;
+      EXPECT_EQ(request.problem().code, ErrorCode::kInvalidParameter);
+      EXPECT_EQ(request.problem().parameter, c.replaced.substr(0, c.replaced.find('=')));
+      EXPECT_THAT(request.problem().detail, HasSubstr(c.field.substr(0, c.field.find('='))));
+    }
+  }
+  const auto body = Body(R"({"eye": [1,2,3], "view": "front"})");
+  ASSERT_FALSE(body);
+  EXPECT_EQ(body.problem().parameter, "/view");
+}
+
+/// The mode that has no picture.
+constexpr auto kPosition = static_cast<std::int64_t>(RenderMode::kPosition);
+
 TEST(RenderRequests, MeanTheSameAsParametersInAnyOrderAndInJson) {
   auto random = test::RandomEngine(1101);
   const FieldTable<RenderRequest> table = RenderFields(kLimits);
@@ -502,7 +644,12 @@ TEST(RenderRequests, MeanTheSameAsParametersInAnyOrderAndInJson) {
       // Whole images of random sides would mostly be too large.
       const bool side = field.name == "width" || field.name == "height";
       const FieldKind kind = side ? IntegerKind{1, 4096} : field.kind;
-      const FieldValue value = RandomValue(kind, random);
+      FieldValue value = RandomValue(kind, random);
+      if (field.name == "mode" && value == FieldValue(kPosition)) continue;
+      if (field.name == "depth_range") {
+        auto& range = std::get<std::vector<double>>(value);
+        std::sort(range.begin(), range.end());
+      }
       field.set(request, value);
       const std::string text = WriteText(kind, value);
       pieces.push_back(std::string(field.name) + '=' + text);

@@ -40,9 +40,9 @@ TEST(RenderRequests, RefuseUnknownFieldsAndSayWhatThereIs) {
 }
 
 TEST(RenderRequests, RefuseAnUnknownModeByNamingTheModesThereAre) {
-  EXPECT_THAT(
-      Query("mode=cost").problem().detail,
-      HasSubstr("must be one of shaded, normal, depth, triangle, ambient-occlusion, not 'cost'"));
+  EXPECT_THAT(Query("mode=wireframe").problem().detail,
+              HasSubstr("must be one of shaded, normal, depth, triangle, ambient-occlusion, cost, "
+                        "position, not 'wireframe'"));
 }
 
 TEST(RenderRequests, LetSamplesOrThePixelsDecide) {

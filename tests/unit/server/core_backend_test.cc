@@ -86,9 +86,12 @@ class CoreBackendTest : public testing::Test {
   api::Outcome<api::RenderAnswer> Render(std::string_view id, const api::RenderRequest& request,
                                          bool png, const CancelToken& cancel) {
     const auto tree =
-        backend_->Acquire(id, request.cells_depth ? TreeUse::kCells : TreeUse::kRays, cancel);
+        backend_->Acquire(id, NeedsBinaryTree(request) ? TreeUse::kCells : TreeUse::kRays, cancel);
     if (!tree) return tree.problem();
     return (*tree)->Render(request, png, cancel);
+  }
+  static bool NeedsBinaryTree(const api::RenderRequest& request) {
+    return request.cells_depth || request.mode == api::RenderMode::kCost;
   }
   api::Outcome<std::vector<api::Cell>> Cells(std::string_view id, std::uint32_t depth,
                                              const CancelToken& cancel) {
@@ -372,10 +375,10 @@ TEST_F(CoreBackendTest, RendersAPngAndArrays) {
   EXPECT_EQ(std::to_integer<int>(bytes[1]), 'P');
   EXPECT_GT(png->trace_ms, 0);
   EXPECT_GT(png->encode_ms, 0);
-  const std::pair<api::RenderMode, std::size_t> channels[] = {{api::RenderMode::kShaded, 4},
-                                                              {api::RenderMode::kNormal, 3},
-                                                              {api::RenderMode::kDepth, 1},
-                                                              {api::RenderMode::kTriangle, 1}};
+  const std::pair<api::RenderMode, std::size_t> channels[] = {
+      {api::RenderMode::kShaded, 4}, {api::RenderMode::kNormal, 3},
+      {api::RenderMode::kDepth, 1},  {api::RenderMode::kTriangle, 1},
+      {api::RenderMode::kCost, 2},   {api::RenderMode::kPosition, 3}};
   for (const auto& [mode, count] : channels) {
     request.mode = mode;
     const auto array = Render(id, request, false, Soon());
@@ -386,8 +389,38 @@ TEST_F(CoreBackendTest, RendersAPngAndArrays) {
     EXPECT_EQ(image.channels, count);
     std::visit([&](const auto& values) { EXPECT_EQ(values.size(), 40u * 30u * count); },
                image.values);
-    EXPECT_EQ(image.values.index(), mode == api::RenderMode::kTriangle ? 1u : 0u);
+    const bool is_integer = mode == api::RenderMode::kTriangle || mode == api::RenderMode::kCost;
+    const bool is_double = mode == api::RenderMode::kPosition;
+    EXPECT_EQ(image.values.index(), is_integer ? 1u : is_double ? 2u : 0u);
   }
+}
+
+TEST_F(CoreBackendTest, RegionsOfADepthPictureHaveTheRangeOfTheWhole) {
+  const std::string id = Add(Sphere());
+  api::RenderRequest request;
+  request.width = 40;
+  request.height = 30;
+  request.mode = api::RenderMode::kDepth;
+  const auto array = Render(id, request, false, Soon());
+  ASSERT_TRUE(array.ok());
+  EXPECT_FALSE(array->depth_range) << "an array has no greys";
+  double near = HUGE_VAL, far = 0;
+  for (const float depth :
+       std::get<std::vector<float>>(std::get<api::ImageArray>(array->image).values)) {
+    if (std::isinf(depth)) continue;
+    near = std::min(near, static_cast<double>(depth));
+    far = std::max(far, static_cast<double>(depth));
+  }
+  using Range = std::array<double, 2>;
+  EXPECT_EQ(Render(id, request, true, Soon())->depth_range, (Range{near, far}));
+  request.region = api::Region{18, 12, 22, 16};
+  EXPECT_EQ(Render(id, request, true, Soon())->depth_range, (Range{near, far}));
+  request.depth_range = {1, 2};
+  EXPECT_EQ(Render(id, request, true, Soon())->depth_range, (Range{1, 2}));
+  request.depth_range.reset();
+  request.eye = api::Vec3{1, 2, 99};
+  request.target = api::Vec3{1, 2, 199};
+  EXPECT_EQ(Render(id, request, true, Soon())->depth_range, std::nullopt) << "nothing is hit";
 }
 
 TEST_F(CoreBackendTest, ACameraThatCannotBeIsAnInvalidParameter) {

@@ -242,7 +242,8 @@ TEST(Mapping, ARenderRequestKeepsItsFields) {
   request.lights->at(1).position = api::Vec3{5, 6, 7};
   request.shadows = true;
   request.ao_radius = 8;
-  core::RenderSpec spec = ToCore(request, core::Precision::kDouble);
+  request.precision = api::Precision::kDouble;
+  core::RenderSpec spec = ToCore(request);
   EXPECT_EQ(spec.width, 12);
   EXPECT_EQ(spec.height, 34);
   EXPECT_EQ(spec.camera.projection, core::Projection::kPerspective);
@@ -271,14 +272,35 @@ TEST(Mapping, ARenderRequestKeepsItsFields) {
 
   request.projection = api::Projection::kOrthographic;
   request.view_height = 7;
-  spec = ToCore(request, core::Precision::kDouble);
+  spec = ToCore(request);
   EXPECT_EQ(spec.camera.projection, core::Projection::kOrthographic);
   EXPECT_EQ(spec.camera.fov_deg, std::nullopt) << "has a default, but belongs to perspective";
   EXPECT_EQ(spec.camera.view_height, 7);
+
+  request.projection = api::Projection::kSpherical;
+  request.h_fov_deg = 90;
+  request.precision = api::Precision::kAuto;
+  spec = ToCore(request);
+  EXPECT_EQ(spec.camera.projection, core::Projection::kSpherical);
+  EXPECT_EQ(spec.camera.h_fov_deg, 90);
+  EXPECT_EQ(spec.camera.v_fov_deg, 180);
+  EXPECT_EQ(spec.precision, std::nullopt) << "the picture decides";
+
+  request = {};
+  request.view = api::View::kTop;
+  request.intrinsic = {1, 2, 3, 4};
+  request.extrinsic = {1, 0, 0, 5, 0, 1, 0, 6, 0, 0, 1, 7, 0, 0, 0, 1};
+  spec = ToCore(request);
+  EXPECT_EQ(spec.camera.view, core::View::kTop);
+  EXPECT_EQ(spec.camera.intrinsic->fx, 1);
+  EXPECT_EQ(spec.camera.intrinsic->fy, 2);
+  EXPECT_EQ(spec.camera.intrinsic->cx, 3);
+  EXPECT_EQ(spec.camera.intrinsic->cy, 4);
+  EXPECT_EQ(spec.camera.extrinsic, request.extrinsic);
 }
 
 TEST(Mapping, TheDefaultsOfTheContractAreThoseOfCore) {
-  const core::RenderSpec spec = ToCore(api::RenderRequest{}, core::Precision::kWatertight);
+  const core::RenderSpec spec = ToCore(api::RenderRequest{});
   const core::RenderSpec core_spec;
   EXPECT_EQ(spec.width, core_spec.width);
   EXPECT_EQ(spec.height, core_spec.height);
@@ -299,7 +321,7 @@ TEST(Mapping, TheDefaultsOfTheContractAreThoseOfCore) {
     api::RenderRequest request;
     request.width = request.height = 4;
     request.mode = static_cast<api::RenderMode>(mode);
-    const auto image = core::Render(scene, ToCore(request, core::Precision::kWatertight));
+    const auto image = core::Render(scene, ToCore(request));
     ASSERT_TRUE(image.ok());
     const api::Vec3 background = api::DefaultBackground(request.mode);
     EXPECT_EQ(image->background.color.r, static_cast<float>(background[0]));
@@ -310,7 +332,7 @@ TEST(Mapping, TheDefaultsOfTheContractAreThoseOfCore) {
 }
 
 TEST(Mapping, ACameraValueThatIsLeftOutStaysLeftOut) {
-  const core::RenderSpec spec = ToCore(api::RenderRequest{}, core::Precision::kWatertight);
+  const core::RenderSpec spec = ToCore(api::RenderRequest{});
   EXPECT_EQ(spec.camera.eye, std::nullopt);
   EXPECT_EQ(spec.camera.target, std::nullopt);
   EXPECT_EQ(spec.camera.up, std::nullopt);

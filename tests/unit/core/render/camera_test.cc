@@ -2,8 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <string>
 #include <vector>
@@ -168,6 +172,194 @@ TEST(Framing, ShowsAllCornersOfAnyBoxInAnyImage) {
   }
 }
 
+// ---- Matrices ----
+
+// A random rotation: rows are the camera's axes right, down, forward in world axes.
+std::array<Vec3d, 3> RandomRotation(std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  const auto vector = [&] { return Vec3d{normal(random), normal(random), normal(random)}; };
+  const Vec3d forward = Normalized(vector());
+  const Vec3d right = Normalized(Cross(vector(), forward));
+  return {right, Cross(forward, right), forward};
+}
+
+Extrinsics MatrixOf(const std::array<Vec3d, 3>& rows, const Vec3d& translation) {
+  return {rows[0].x, rows[0].y, rows[0].z, translation.x,
+          rows[1].x, rows[1].y, rows[1].z, translation.y,
+          rows[2].x, rows[2].y, rows[2].z, translation.z,
+          0,         0,         0,         1};
+}
+
+TEST(Matrices, GiveTheRaysOfOpen3DsCreateRaysPinhole) {
+  // Its formula: the origin is where extrinsic * origin = 0, and extrinsic * direction, without the
+  // translation, is ((i + .5 - cx) / fx, (j + .5 - cy) / fy, 1).
+  std::mt19937_64 random = RandomEngine(111);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (int round = 0; round < 300; ++round) {
+    const std::array<Vec3d, 3> rows = RandomRotation(random);
+    const Vec3d translation = {unit(random) * 9 - 4, unit(random) * 9 - 4, unit(random) * 9};
+    const Intrinsics k = {.fx = 50 + 900 * unit(random),
+                          .fy = 50 + 900 * unit(random),
+                          .cx = 900 * unit(random) - 100,
+                          .cy = 900 * unit(random) - 100};
+    const Camera camera =
+        LookFrom({.intrinsic = k, .extrinsic = MatrixOf(rows, translation)}, 640, 480);
+    const int i = static_cast<int>(640 * unit(random));
+    const int j = static_cast<int>(480 * unit(random));
+    const Ray ray = camera.RayThrough(i + 0.5, j + 0.5);
+    const auto to_camera = [&](const Vec3d& v) {
+      return Vec3d{Dot(rows[0], v), Dot(rows[1], v), Dot(rows[2], v)};
+    };
+    ExpectNear(to_camera(ray.origin) + translation, {}, 1e-14);
+    ExpectNear(to_camera(ray.direction), {(i + .5 - k.cx) / k.fx, (j + .5 - k.cy) / k.fy, 1.0},
+               1e-13);
+    const Camera::ImagePoint back = camera.ToImage(camera.ToView(ray.origin + ray.direction * 3.0));
+    EXPECT_NEAR(back.x_px, i + 0.5, 1e-9);
+    EXPECT_NEAR(back.y_px, j + 0.5, 1e-9);
+  }
+}
+
+TEST(Matrices, MayBeOrthonormalToSixDigitsAndAreThenInverted) {
+  std::array<Vec3d, 3> rows = {Vec3d{1, 0, 0}, Vec3d{0, 1, 4e-7}, Vec3d{3e-7, 0, 1 + 4e-7}};
+  const Camera camera = LookFrom({.extrinsic = MatrixOf(rows, {0, 0, 2})}, 64, 48);
+  const Ray ray = camera.RayThrough(7.5, 9.5);
+  EXPECT_NEAR(Dot(rows[2], ray.direction), 1, 1e-15);
+  EXPECT_NEAR(Dot(rows[2], ray.origin), -2, 1e-15);
+  EXPECT_NEAR(Dot(rows[0], ray.origin), 0, 1e-15);
+}
+
+TEST(Matrices, OfIntrinsicsAloneFrameTheMesh) {
+  for (const auto& [cx, cy] : {std::pair{320.0, 240.0}, {100.0, 400.0}, {-300.0, 900.0}}) {
+    const Intrinsics k = {.fx = 500, .fy = 400, .cx = cx, .cy = cy};
+    for (const std::optional<View> view : {std::optional<View>(), {View::kTop}}) {
+      const Camera camera = LookFrom({.view = view, .intrinsic = k}, 640, 480);
+      const Camera::ImagePoint middle = camera.ToImage(camera.ToView({}));
+      EXPECT_NEAR(middle.x_px, 320, 1e-9);
+      EXPECT_NEAR(middle.y_px, 240, 1e-9);
+      double from_middle = 0;
+      for (unsigned i = 0; i < 8; ++i) {
+        const Camera::ViewPoint seen = camera.ToView(kUnitBox.Corner(i));
+        ASSERT_GT(seen.depth, 0);
+        const Camera::ImagePoint at = camera.ToImage(seen);
+        from_middle =
+            std::max({from_middle, std::abs(at.x_px / 320 - 1), std::abs(at.y_px / 240 - 1)});
+      }
+      EXPECT_NEAR(from_middle, kFramedShare, 1e-9);
+    }
+  }
+}
+
+TEST(Matrices, OfExtrinsicsAloneHaveTheDefaultFieldOfView) {
+  const Extrinsics m = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 5, 0, 0, 0, 1};
+  const Camera camera = LookFrom({.extrinsic = m}, 200, 100);
+  EXPECT_EQ(camera.eye, (Vec3d{0, 0, -5}));
+  EXPECT_EQ(camera.forward, (Vec3d{0, 0, 1}));
+  EXPECT_EQ(camera.upward, (Vec3d{0, -1, 0}));
+  const double half = std::tan(20 * std::numbers::pi / 180);
+  ExpectNear(camera.RayThrough(200, 0).direction, {2 * half, -half, 1}, 1e-15);
+}
+
+// ---- Spherical ----
+
+TEST(Spherical, DirectionsFollowAzimuthAndElevation) {
+  std::mt19937_64 random = RandomEngine(112);
+  std::uniform_real_distribution<double> unit(0, 1);
+  const auto degrees = [](double d) { return d * std::numbers::pi / 180; };
+  for (int round = 0; round < 300; ++round) {
+    const std::array<Vec3d, 3> axes = RandomRotation(random);  // r, -u, f
+    const Vec3d r = axes[0], u = -axes[1], f = axes[2];
+    const double view_elevation = degrees(160 * unit(random) - 80);
+    const double h_fov = 360 * (1 - unit(random));
+    const double v_fov = 180 * (1 - unit(random));
+    const Vec3d eye = {unit(random), unit(random), unit(random)};
+    const Camera camera = LookFrom(
+        {.projection = Projection::kSpherical,
+         .eye = eye,
+         .target = eye + (f * std::cos(view_elevation) + u * std::sin(view_elevation)) * 7.0,
+         .up = u * 3.0,
+         .h_fov_deg = h_fov,
+         .v_fov_deg = v_fov},
+        360, 90);
+    const double e0 = std::clamp(view_elevation, degrees(v_fov / 2 - 90), degrees(90 - v_fov / 2));
+    for (const auto& [i, j] : {std::pair{0, 0}, {359, 89}, {180, 45}, {17, 60}}) {
+      const double a = ((i + .5) / 360 - .5) * degrees(h_fov);
+      const double e = e0 + (.5 - (j + .5) / 90) * degrees(v_fov);
+      const Ray ray = camera.RayThrough(i + 0.5, j + 0.5);
+      EXPECT_EQ(ray.origin, eye);
+      EXPECT_NEAR(Length(ray.direction), 1, 1e-15);
+      ExpectNear(ray.direction, (f * std::cos(a) + r * std::sin(a)) * std::cos(e) + u * std::sin(e),
+                 1e-13);
+    }
+  }
+}
+
+TEST(Spherical, LooksFromTheMiddleOfTheBoxAllAround) {
+  const Camera camera =
+      LookFrom({.projection = Projection::kSpherical, .view = View::kFront}, 4, 2);
+  EXPECT_EQ(camera.eye, Vec3d{});
+  ExpectNear(camera.RayThrough(2, 1).direction, {0, 0, -1}, 1e-15);
+  ExpectNear(camera.RayThrough(3, 1).direction, {1, 0, 0}, 1e-15);
+  ExpectNear(camera.RayThrough(1, 1).direction, {-1, 0, 0}, 1e-15);
+  ExpectNear(camera.RayThrough(0, 1).direction, {0, 0, 1}, 1e-15);
+  ExpectNear(camera.RayThrough(2, 0).direction, {0, 1, 0}, 1e-15);
+}
+
+TEST(Spherical, AFlatCameraAtAPixelHasItsNeighboursWhereTheyAre) {
+  const Camera camera =
+      LookFrom({.projection = Projection::kSpherical, .eye = Vec3d{1, 2, 3}}, 3600, 1800);
+  for (const auto& [x, y] : {std::pair{1800.5, 900.5}, {3.5, 300.5}, {2000.5, 1500.5}}) {
+    const Camera flat = camera.FlatAt(x, y);
+    for (const auto& [dx, dy] : {std::pair{0.0, 0.0}, {1.0, 0.0}, {0.0, -1.0}, {-1.0, 1.0}}) {
+      const Ray ray = camera.RayThrough(x + dx, y + dy);
+      const Camera::ViewPoint seen = flat.ToView(ray.origin + ray.direction * 5.0);
+      EXPECT_NEAR(flat.ToImage(seen).x_px, x + dx, 0.01);
+      EXPECT_NEAR(flat.ToImage(seen).y_px, y + dy, 0.01);
+      EXPECT_NEAR(seen.depth, 5, 1e-4);
+    }
+  }
+}
+
+// ---- Framing ----
+
+TEST(Framing, SeesAnAsymmetricMeshFromTheSideOfTheView) {
+  struct Case {
+    View view;
+    Vec3d toward, up;  // from the mesh to the eye, and up in the image, if y is up
+  };
+  const Vec3d x = {1, 0, 0}, y = {0, 1, 0}, z = {0, 0, 1};
+  const Vec3d corner = Normalized(Vec3d{1, 1, 1});
+  const std::vector<Case> cases = {{View::kFront, z, y},
+                                   {View::kBack, -z, y},
+                                   {View::kLeft, -x, y},
+                                   {View::kRight, x, y},
+                                   {View::kTop, y, -z},
+                                   {View::kBottom, -y, z},
+                                   {View::kIso, corner, Normalized(y - corner * corner.y)}};
+  // With z up, the front is -y, so (x, y, z) become (x, z, -y).
+  const auto with_z_up = [](const Vec3d& v) { return Vec3d{v.x, -v.z, v.y}; };
+  const Bounds3d box = {{1, 2, 3}, {2, 4, 8}};
+  for (const Case& c : cases) {
+    for (const Projection projection : {Projection::kPerspective, Projection::kOrthographic}) {
+      for (const auto& up : {std::optional<Vec3d>(), {y}, {z * 3.0}}) {
+        const Result<Camera> camera =
+            ResolveCamera({.projection = projection, .up = up, .view = c.view}, box, 300, 200);
+        ASSERT_TRUE(camera.ok()) << camera.error().message;
+        const bool z_up = up && up->z != 0;
+        ExpectNear(camera->forward, -(z_up ? with_z_up(c.toward) : c.toward), 1e-15);
+        ExpectNear(camera->upward, z_up ? with_z_up(c.up) : c.up, 1e-15);
+        const Camera::ImagePoint middle = camera->ToImage(camera->ToView(box.Center()));
+        EXPECT_NEAR(middle.x_px, 150, 1e-9);
+        EXPECT_NEAR(middle.y_px, 100, 1e-9);
+        const Extent extent = ExtentInImage(*camera, box);
+        EXPECT_GT(extent.nearest, 0);
+        EXPECT_GE(std::min(extent.left, extent.top), 0);
+        EXPECT_LE(extent.right, 300);
+        EXPECT_LE(extent.bottom, 200);
+      }
+    }
+  }
+}
+
 TEST(Framing, GoesAsNearAsTheBoxFits) {
   for (const Projection projection : {Projection::kPerspective, Projection::kOrthographic}) {
     for (const auto& [width, height] : {std::pair{640, 480}, {300, 900}}) {
@@ -263,6 +455,27 @@ TEST(Framing, RefusesWhatMakesNoView) {
       {{.view_height = 0.0}, "view_height"},
       {{.view_height = -1.0}, "view_height"},
       {{.view_height = kInf}, "view_height"},
+      {{.h_fov_deg = 0.0}, "h_fov_deg"},
+      {{.h_fov_deg = 361.0}, "h_fov_deg"},
+      {{.v_fov_deg = 0.0}, "v_fov_deg"},
+      {{.v_fov_deg = 181.0}, "v_fov_deg"},
+      {{.intrinsic = Intrinsics{.fx = 0, .fy = 1}}, "intrinsic"},
+      {{.intrinsic = Intrinsics{.fx = 1, .fy = -1}}, "intrinsic"},
+      {{.intrinsic = Intrinsics{.fx = 1, .fy = 1, .cx = kNan}}, "intrinsic"},
+      {{.intrinsic = Intrinsics{.fx = 1e-308, .fy = 1}}, "intrinsic"},
+      {{.extrinsic = Extrinsics{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}}, "extrinsic"},
+      {{.extrinsic = Extrinsics{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 2}}, "extrinsic"},
+      {{.extrinsic = Extrinsics{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 1, 0, 1}}, "extrinsic"},
+      {{.extrinsic = Extrinsics{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1}}, "extrinsic"},
+      {{.extrinsic = Extrinsics{1, 2e-6, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}}, "extrinsic"},
+      {{.extrinsic = Extrinsics{1, 0, 0, 1e308, 0, 1, 0, 1e308, 0, 0, 1, kInf, 0, 0, 0, 1}},
+       "extrinsic"},
+      {{.projection = Projection::kSpherical,
+        .eye = Vec3d{},
+        .target = Vec3d{0, -2, 0},
+        .up = Vec3d{0, 1, 0}},
+       "up"},
+      {{.projection = Projection::kSpherical, .up = Vec3d{0, 0, 1}, .view = View::kTop}, "up"},
   };
   for (const Case& c : cases) {
     const Result<Camera> camera = ResolveCamera(c.spec, kUnitBox, 64, 48);

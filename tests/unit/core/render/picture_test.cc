@@ -3,10 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "core/render/depth_range.h"
+#include "core/render/heat_map.h"
 #include "core/render/shading.h"
 #include "tests/support/scenes.h"
 #include "tests/support/shapes.h"
@@ -17,7 +20,7 @@ namespace {
 using Codes = std::vector<std::uint8_t>;
 
 constexpr std::array kAllModes = {RenderMode::kShaded, RenderMode::kNormal, RenderMode::kDepth,
-                                  RenderMode::kTriangle};
+                                  RenderMode::kTriangle, RenderMode::kCost};
 
 RenderedImage RenderOk(const Scene& scene, const RenderSpec& spec) {
   Result<RenderedImage> image = Render(scene, spec);
@@ -82,10 +85,9 @@ TEST(Picture, ShowsNearDepthsLightAndFarOnesDark) {
   RenderSpec spec = FrontSpec(RenderMode::kDepth);
   const Picture picture = MakePicture(RenderOk(test::MakeScene(ramp), spec));
   for (int x = 0; x < 16; ++x) {
-    // Linear from 255 at the least depth to 32 at the greatest, at pixel centres.
-    const double code = 255 - (255 - 32) * (x + 0.5) / 16;
+    // From 255 at the nearest pixel centre to 1 at the farthest.
     const Codes pixel = PixelAt(picture, x, 8);
-    EXPECT_NEAR(pixel[0], code, 0.51);
+    EXPECT_EQ(pixel[0], 255 - std::round(254 * x / 15.0));
     EXPECT_EQ(pixel[1], pixel[0]);
     EXPECT_EQ(pixel[2], pixel[0]);
   }
@@ -97,6 +99,35 @@ TEST(Picture, ShowsADepthImageOfAFlatMeshLight) {
   RenderSpec spec = FrontSpec(RenderMode::kDepth);
   const Picture picture = MakePicture(RenderOk(test::MakeScene(test::Grid(2, 2, 0)), spec));
   EXPECT_EQ(PixelAt(picture, 9, 6), (Codes{255, 255, 255}));
+}
+
+TEST(Picture, ShowsDepthsByTheRangeThatItIsGiven) {
+  const RenderSpec spec = FrontSpec(RenderMode::kDepth);  // the cube's front is 2 away
+  RenderedImage image = RenderOk(FrontCube(), spec);
+  for (const auto& [range, grey] : {std::pair{DepthRange{1, 3}, 128},
+                                    {DepthRange{2, 9}, 255},
+                                    {DepthRange{3, 9}, 255},
+                                    {DepthRange{0, 1}, 1},
+                                    {DepthRange{2, 2}, 255},
+                                    {DepthRange{-1e308, 1e308}, 128}}) {
+    image.depth_range = range;
+    const auto code = static_cast<std::uint8_t>(grey);
+    EXPECT_EQ(PixelAt(MakePicture(image), 8, 8), (Codes{code, code, code})) << range.far;
+    EXPECT_EQ(PixelAt(MakePicture(image), 0, 0), (Codes{0, 0, 0}));
+  }
+}
+
+TEST(Picture, ShowsCostsInTheColoursOfTheScale) {
+  const RenderedImage image = RenderOk(FrontCube(), FrontSpec(RenderMode::kCost));
+  const Picture picture = MakePicture(image);
+  const auto cost = std::get<Film<std::int32_t>>(image.values)(8, 8);
+  const Rgb c = HeatColor(cost[0], cost[1]);
+  EXPECT_EQ(PixelAt(picture, 8, 8), (Codes{ToUnorm8(c.r), ToUnorm8(c.g), ToUnorm8(c.b)}));
+
+  EXPECT_EQ(HeatColor(0, 0), (Rgb{0, 0, 0}));
+  EXPECT_EQ(HeatColor(31, 0), (Rgb{0.8f, 0.12f, 0.3f}));
+  EXPECT_EQ(HeatColor(1000, 23), (Rgb{1, 1, 0.85f}));
+  EXPECT_EQ(HeatColor(2'000'000'000, 2'000'000'000), (Rgb{1, 1, 0.85f}));
 }
 
 TEST(Picture, ShowsTrianglesInTheirColours) {
@@ -130,7 +161,9 @@ TEST(Picture, OfARegionEqualsThatPartOfTheWhole) {
     spec.cells_depth = 4;
     const Picture whole = MakePicture(RenderOk(scene, spec));
     spec.region = Region{40, 20, 77, 61};
-    const Picture part = MakePicture(RenderOk(scene, spec));
+    RenderedImage image = RenderOk(scene, spec);
+    if (mode == RenderMode::kDepth) image.depth_range = *RangeOfWholeImage(scene, image, {});
+    const Picture part = MakePicture(image);
     ASSERT_EQ(part.width, 37);
     ASSERT_EQ(part.height, 41);
     for (int y = 0; y < part.height; ++y) {
