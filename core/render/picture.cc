@@ -109,6 +109,7 @@ Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cance
   };
   const Rgba behind = background.transparent ? Rgba{} : as_blended(background.color);
   const Rgba line = as_blended(LineStyle{}.color);
+  const Rgba edge = as_blended(kEdgeColor);
 
   const auto row_bytes = static_cast<std::size_t>(picture.width) * channels;
   const auto write_row = [&](std::size_t row) {
@@ -122,6 +123,9 @@ Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cance
         continue;
       }
       Rgba c = Over(data_color(x, y), behind);
+      if (image.edges) {
+        c = Over(edge * (*image.edges)(x, y)[0], c);
+      }
       if (image.lines) {
         c = Over(line * (*image.lines)(x, y)[0], c);
       }

@@ -26,10 +26,10 @@ struct Picture {
 ///   kAmbientOcclusion  grey, sRGB-encoded.
 ///   kTriangle  a colour by number (HashedColor).
 ///   kCost      a colour by the work (HeatColor); no work counts as a miss.
-/// Pixels that miss show the background. kPosition has no picture: the background. Lines of cells
-/// are drawn over everything. A region's picture equals its part of the whole picture; of kDepth,
-/// if depth_range is that of the whole image (RangeOfWholeImage). O(pixels), in parallel within the
-/// caller's arena. Errors: kCancelled, kDeadlineExceeded.
+/// Pixels that miss show the background. kPosition has no picture: the background. Lines of
+/// edges and cells are drawn over everything. A region's picture equals its part of the whole
+/// picture; of kDepth, if depth_range is that of the whole image (RangeOfWholeImage). O(pixels), in
+/// parallel within the caller's arena. Errors: kCancelled, kDeadlineExceeded.
 Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cancel);
 /// The same without cancellation.
 Picture MakePicture(const RenderedImage& image);

@@ -100,7 +100,7 @@ Status Check(const RenderSpec& spec) {
   return CheckRegion(spec);
 }
 
-Status MakeFilms(const Region& region, bool with_lines, const CancelToken& cancel,
+Status MakeFilms(const Region& region, const RenderSpec& spec, const CancelToken& cancel,
                  RenderedImage* image) {
   CancelPoll poll(cancel);
   switch (image->mode) {
@@ -128,8 +128,9 @@ Status MakeFilms(const Region& region, bool with_lines, const CancelToken& cance
       image->values = Film<double>(region, 3, &poll);
       break;
   }
-  if (with_lines && image->mode != RenderMode::kShaded) {
-    image->lines = Film<float>(region, 1, &poll);
+  if (image->mode != RenderMode::kShaded) {
+    if (spec.cells_depth) image->lines = Film<float>(region, 1, &poll);
+    if (spec.edges) image->edges = Film<float>(region, 1, &poll);
   }
   return poll.ToStatus();
 }
@@ -285,6 +286,35 @@ class ImageRenderer {
     return {};
   }
 
+  // Draws lines over the finished image.
+  Status DrawEdges(const EdgeLines& edges, const TraceOptions& options, const Region& region,
+                   RenderedImage* image) const {
+    const TileGrid tiles(region, TileSide(1));
+    const Rgb linear = SrgbToLinear(kEdgeColor);
+    const Rgba line = {linear.r, linear.g, linear.b, 1.0f};
+    return ForEachTile(tiles.size(), [&](std::size_t i) -> Status {
+      const Tile tile = tiles[i];
+      const Result<std::vector<float>> drawn = edges.Draw(tile, options);
+      if (!drawn.ok()) return drawn.error();
+      auto opacity = drawn->begin();
+      for (int y = tile.y0; y < tile.y1; ++y) {
+        for (int x = tile.x0; x < tile.x1; ++x, ++opacity) {
+          if (image->edges) {
+            (*image->edges)(x, y)[0] = *opacity;
+          } else if (*opacity > 0) {
+            const std::span<float> c = std::get<Film<float>>(image->values)(x, y);
+            const Rgba over = Over(line * *opacity, {c[0], c[1], c[2], c[3]});
+            c[0] = over.r;
+            c[1] = over.g;
+            c[2] = over.b;
+            c[3] = over.a;
+          }
+        }
+      }
+      return {};
+    });
+  }
+
  private:
   // Work (CancelPoll) of allocating a pixel's sums.
   static constexpr std::uint64_t kSumsWork = 32;
@@ -357,7 +387,7 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
   const Background default_background = {.color = shows_light ? Rgb{1, 1, 1} : Rgb{0, 0, 0}};
   image.background = spec.background.value_or(default_background);
   const Region region = RegionOf(spec);
-  if (Status films = MakeFilms(region, spec.cells_depth.has_value(), cancel, &image); !films.ok()) {
+  if (Status films = MakeFilms(region, spec, cancel, &image); !films.ok()) {
     return std::move(films).error();
   }
 
@@ -388,6 +418,10 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
                                          spec.cells_depth.has_value(), &image);
   } else {
     status = image_renderer.RenderTiles(region, &image);
+  }
+  if (status.ok() && spec.edges) {
+    const EdgeLines edges(scene, image.camera, *spec.edges);
+    status = image_renderer.DrawEdges(edges, trace_options, region, &image);
   }
   if (!status.ok()) return std::move(status).error();
   if (progress != nullptr) progress->Finish();

@@ -16,6 +16,7 @@
 #include "core/intersect/precision.h"
 #include "core/render/camera.h"
 #include "core/render/color.h"
+#include "core/render/edge_lines.h"
 #include "core/render/film.h"
 #include "core/render/framing.h"
 #include "core/render/light.h"
@@ -82,8 +83,9 @@ struct RenderSpec {
   std::optional<double> ao_radius = std::nullopt;
 
   std::optional<std::uint32_t> cells_depth =
-      std::nullopt;               ///< draw the tree's nodes at this depth and the leaves above it
-                                  ///< as lines; at most max_cells of them
+      std::nullopt;  ///< draw the tree's nodes at this depth and the leaves above it
+                     ///< as lines; at most max_cells of them
+  std::optional<SidesOfTriangle> edges = std::nullopt;  ///< draw these edges as lines (EdgeLines)
   std::size_t max_cells = 16384;  ///< more are refused: kInvalidArgument, `cells_depth`
   std::optional<Region> region = std::nullopt;  ///< part of the image to render; left out: all of
                                                 ///< it. At most kMaxSide a side
@@ -123,9 +125,9 @@ struct RenderedImage {
   Background background;                         ///< as used
 
   /// kShaded: float, 4 channels: linear red, green, blue premultiplied by the fourth, coverage
-  /// (less than 1 only with a transparent background). Includes lines of cells. kNormal: float, 3
-  /// channels: mean over the samples of x, y, z, where a miss counts as 0 0 0. kDepth: float, 1
-  /// channel: infinity for a miss; a hit beyond the range of float has the largest float.
+  /// (less than 1 only with a transparent background). Includes lines of cells and edges. kNormal:
+  /// float, 3 channels: mean over the samples of x, y, z, where a miss counts as 0 0 0. kDepth:
+  /// float, 1 channel: infinity for a miss; a hit beyond the range of float has the largest float.
   /// kTriangle: int32, 1 channel: -1 for a miss. kAmbientOcclusion: float, 1 channel: the mean over
   /// the samples, 0 where all is hidden; a miss counts as 1. kCost: int32, 2
   /// channels. kPosition: double, 3 channels: NaN for a miss.
@@ -137,6 +139,8 @@ struct RenderedImage {
       coverage;                      ///< kNormal, kAmbientOcclusion: share of the samples that hit
   std::optional<Film<float>> lines;  ///< if cells are drawn and the mode is not kShaded: opacity of
                                      ///< the lines, for pictures; `values` has no lines
+
+  std::optional<Film<float>> edges;  ///< the same of edges
 
   int samples = 1;              ///< the largest number that a pixel took
   std::optional<double> noise;  ///< largest standard error of a pixel (RenderSpec::max_noise); only

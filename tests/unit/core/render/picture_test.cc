@@ -174,6 +174,25 @@ TEST(Picture, OfARegionEqualsThatPartOfTheWhole) {
   }
 }
 
+TEST(Picture, HasTheLinesOfEdgesInEveryModeAndRegion) {
+  const Scene scene = test::MakeScene(test::Cube({0, 0, 0}, 1));
+  for (const RenderMode mode : kAllModes) {
+    RenderSpec spec = FrontSpec(mode);
+    const Picture plain = MakePicture(RenderOk(scene, spec));
+    spec.edges = [](PrimitiveId) { return kAllSides; };
+    const Picture lines = MakePicture(RenderOk(scene, spec));
+    EXPECT_NE(PixelAt(lines, 4, 8), PixelAt(plain, 4, 8)) << "the left edge";
+    EXPECT_NE(PixelAt(lines, 9, 9), PixelAt(lines, 9, 5)) << "a diagonal";
+    spec.region = Region{3, 5, 11, 16};
+    const Picture part = MakePicture(RenderOk(scene, spec));
+    for (int y = 0; y < part.height; ++y) {
+      for (int x = 0; x < part.width; ++x) {
+        ASSERT_EQ(PixelAt(part, x, y), PixelAt(lines, x + 3, y + 5));
+      }
+    }
+  }
+}
+
 TEST(Picture, HasTheLinesOfCellsInEveryMode) {
   for (const RenderMode mode : kAllModes) {
     RenderSpec spec = {.width = 64, .height = 64, .mode = mode};
