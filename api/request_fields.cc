@@ -160,6 +160,7 @@ FieldTable<RenderRequest> RenderFields(const Limits& limits) {
       MemberField("lights", LightsKind{kMaxLights}, &R::lights),
       MemberField("shadows", BooleanKind{}, &R::shadows),
       MemberField("ao_radius", NumberKind{0, kInfinity, true}, &R::ao_radius),
+      MemberField("edges", BooleanKind{}, &R::edges),
       MemberField("cells_depth", IntegerKind{0, kMaxDepth}, &R::cells_depth),
       MemberField("region", IntegersKind{4, 0, kMaxWholeSide}, &R::region),
       MemberField("seed", IntegerKind{0, std::numeric_limits<std::int64_t>::max()}, &R::seed),

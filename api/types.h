@@ -272,6 +272,7 @@ struct RenderRequest {
   std::optional<std::vector<Light>> lights;  ///< nullopt: a headlight
   bool shadows = false;                      ///< lights are hidden by what is between
   std::optional<double> ao_radius;  ///< of ambient occlusion; nullopt: a share of the mesh's size
+  bool edges = false;  ///< draws the edges of the file's faces
   std::optional<std::int64_t> cells_depth;
   std::optional<Region> region;
   std::uint64_t seed = 0;

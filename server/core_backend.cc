@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/base/parallel.h"
+#include "core/io/mesh_attributes.h"
 #include "core/io/png_writer.h"
 #include "core/library/tree_library.h"
 #include "core/render/depth_range.h"
@@ -181,6 +182,12 @@ class CoreLoadedTree final : public LoadedTree {
 
   api::Outcome<api::RenderAnswer> Render(const api::RenderRequest& request, bool png,
                                          const CancelToken& cancel) const override {
+    std::shared_ptr<const core::MeshAttributes> attributes;
+    if (request.edges) {
+      auto loaded = Attributes({core::AttributeKind::kEdges}, cancel);
+      if (!loaded.ok()) return ToProblem(loaded.error());
+      attributes = *std::move(loaded);
+    }
     return Query<api::RenderAnswer>(
         request.precision, cancel,
         [&](const core::TraceOptions&, api::RenderAnswer* answer) -> api::Check {
@@ -189,6 +196,9 @@ class CoreLoadedTree final : public LoadedTree {
           if (!request.samples && !png) {
             const auto samples = api::DefaultSamples(request.mode, api::ImageForm::kNpy);
             if (samples) spec.samples = static_cast<int>(*samples);
+          }
+          if (attributes != nullptr) {
+            spec.edges = [attributes](core::PrimitiveId id) { return attributes->Edges(id); };
           }
           spec.max_cells = static_cast<std::size_t>(runner_.limits.max_picture_cells);
           if (spec.budget) spec.budget = std::min(*spec.budget, TimeToTrace(cancel));
@@ -262,7 +272,7 @@ class CoreLoadedTree final : public LoadedTree {
   // What the mesh's file says besides triangles, of the kinds that a request names. Read from the
   // file at the first such request, so call it only with kinds that are needed, and not in the
   // arena.
-  [[maybe_unused]] core::Result<std::shared_ptr<const core::MeshAttributes>> Attributes(
+  core::Result<std::shared_ptr<const core::MeshAttributes>> Attributes(
       core::AttributeKinds kinds, const CancelToken& cancel) const {
     return library_.LoadAttributes(id_, kinds, cancel);
   }

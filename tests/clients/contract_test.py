@@ -304,6 +304,7 @@ class Help(ContractTest):
             if default is not None:
                 self.assertIsNotNone(told, f"does not tell the default {default}")
                 default = ",".join(map(str, default)) if isinstance(default, list) else str(default)
+                default = default.lower() if default in ("True", "False") else default
                 self.assertEqual(told[1], default)
             names = schema.get("enum") or schema.get("items", {}).get("enum")
             if names:

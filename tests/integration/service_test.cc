@@ -233,7 +233,8 @@ TEST_F(ServiceOverHttp, TellsRendersOfDifferentCamerasAndModesApart) {
                                             "mode=depth",
                                             "mode=depth&depth_range=1,2",
                                             "mode=depth&depth_range=1,3",
-                                            "mode=cost"};
+                                            "mode=cost",
+                                            "edges=true"};
   for (const std::string& query : queries) {
     const std::string target = Tree("/render.png?" + query);
     const RawAnswer answer = running_.Ask("GET", target);

@@ -44,9 +44,10 @@ constexpr std::array kFields = {
           "[{\"direction\":[0,-1,-1],\"intensity\":1,\"color\":[1,1,1]},{\"position\":[0,2,0]}]; a "
           "light at "
           "the eye when left out"},
-    Field{"shadows", "BOOL", "true: surfaces hide lights"},
+    Field{"shadows", "BOOL", "Surfaces hide lights: false when left out"},
     Field{"ao_radius", "LENGTH",
           "Ambient occlusion: how far surfaces count; a tenth of the mesh's size when left out"},
+    Field{"edges", "BOOL", "Draw the edges of the file's faces: false when left out"},
     Field{"cells_depth", "DEPTH", "Draw the tree's boxes of that depth"},
     Field{"region", "X0,Y0,X1,Y1", "Only these pixels of the whole picture, half-open"},
     Field{"seed", "N", "Of the random samples: 0 when left out"},

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <random>
 #include <string>
 #include <thread>
@@ -393,6 +394,32 @@ TEST_F(CoreBackendTest, RendersAPngAndArrays) {
     const bool is_double = mode == api::RenderMode::kPosition;
     EXPECT_EQ(image.values.index(), is_integer ? 1u : is_double ? 2u : 0u);
   }
+}
+
+TEST_F(CoreBackendTest, EdgesOfAPolygonAreDrawnWithoutItsDiagonals) {
+  const auto light_at = [&](std::string_view faces, int x, int y) {
+    const std::string off = "OFF\n4 " + std::string(faces.size() > 10 ? "2" : "1") +
+                            " 0\n-1 -1 0\n1 -1 0\n1 1 0\n-1 1 0\n" + std::string(faces);
+    MeshBytesVector bytes(off.size());
+    std::memcpy(bytes.data(), off.data(), off.size());
+    const auto stored = Upload(bytes, api::Build::kAuto);
+    EXPECT_TRUE(stored.ok());
+    EXPECT_TRUE(
+        backend_->Describe(stored->id, steady_clock::now() + std::chrono::minutes(1), {}).ok());
+    api::RenderRequest request;
+    request.width = request.height = 41;
+    request.projection = api::Projection::kOrthographic;
+    request.view = api::View::kFront;
+    request.edges = true;
+    const auto array = Render(stored->id, request, false, Soon());
+    EXPECT_TRUE(array.ok()) << array.problem().detail;
+    const auto& image = std::get<api::ImageArray>(array->image);
+    return std::get<std::vector<float>>(image.values)[static_cast<std::size_t>(4 * (41 * y + x))];
+  };
+  const std::string_view polygon = "4 0 1 2 3\n", triangles = "3 0 1 2\n3 0 2 3\n";
+  EXPECT_LT(light_at(triangles, 20, 20), 0.5F * light_at(polygon, 20, 20)) << "the diagonal";
+  EXPECT_EQ(light_at(triangles, 10, 20), light_at(polygon, 10, 20)) << "beside it";
+  EXPECT_EQ(backend_->counters().attribute_reads, 2u) << "once for each file";
 }
 
 TEST_F(CoreBackendTest, RegionsOfADepthPictureHaveTheRangeOfTheWhole) {

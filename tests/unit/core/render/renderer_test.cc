@@ -183,11 +183,14 @@ std::vector<RenderSpec> DemandingSpecs() {
   std::vector<RenderSpec> specs;
   for (const RenderMode mode : kAllModes) {
     for (const int samples : {1, 5}) {
-      RenderSpec spec = {.width = 150, .height = 110, .mode = mode, .samples = samples};
+      RenderSpec& spec = specs.emplace_back();
+      spec.width = 150;
+      spec.height = 110;
+      spec.mode = mode;
+      spec.samples = samples;
       spec.camera.projection = samples == 1 ? Projection::kOrthographic : Projection::kPerspective;
       spec.cells_depth = 5;
       spec.seed = 7;
-      specs.push_back(spec);
     }
   }
   return specs;
