@@ -14,7 +14,7 @@ struct RequestMemory::Body::Held {
   Bodies::iterator place;
 
   std::mutex text_mutex;
-  std::string text;
+  GrowingBytes text;
   bool refused = false;  // written with both mutexes held
 };
 
@@ -28,6 +28,15 @@ api::Outcome<RequestMemory::Share> RequestMemory::Take(std::uint64_t bytes) {
 api::Check RequestMemory::Check(std::uint64_t bytes) const {
   const std::lock_guard lock(mutex_);
   if (used_ > 0 && !FitsLocked(bytes)) return FullLocked(bytes);
+  return std::nullopt;
+}
+
+api::Check RequestMemory::Share::Grow(std::uint64_t bytes) {
+  const std::lock_guard lock(memory_->mutex_);
+  const bool is_alone = memory_->used_ == bytes_;
+  if (!is_alone && !memory_->FitsLocked(bytes)) return memory_->FullLocked(bytes);
+  memory_->used_ += bytes;
+  bytes_ += bytes;
   return std::nullopt;
 }
 
@@ -66,7 +75,7 @@ bool RequestMemory::Grow(Body::Held* body, std::uint64_t bytes) {
       // Their bytes are freed here: a thread that waits for its client could not do so in time.
       const std::lock_guard text_lock(newest->text_mutex);
       newest->refused = true;
-      newest->text = std::string();
+      newest->text = GrowingBytes();
     }
   }
   used_ += bytes;
@@ -92,7 +101,7 @@ api::Check RequestMemory::Body::Append(std::span<const std::byte> piece) {
   if (memory_->Grow(held_.get(), bytes)) {
     const std::lock_guard text_lock(held_->text_mutex);
     if (!held_->refused) {
-      held_->text.append(reinterpret_cast<const char*>(piece.data()), piece.size());
+      held_->text.Append(piece);
       return std::nullopt;
     }
   }

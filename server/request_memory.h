@@ -8,10 +8,10 @@
 #include <memory>
 #include <mutex>
 #include <span>
-#include <string>
 #include <utility>
 
 #include "api/types.h"
+#include "server/growing_bytes.h"
 
 namespace kdray::server {
 
@@ -39,6 +39,13 @@ class RequestMemory {
       std::swap(bytes_, other.bytes_);
       return *this;
     }
+    std::uint64_t bytes() const { return bytes_; }
+    /// Returns what is above `bytes`.
+    void ShrinkTo(std::uint64_t bytes) {
+      if (bytes < bytes_) memory_->Return(std::exchange(bytes_, bytes) - bytes);
+    }
+    /// memory_full if `bytes` more are not free now; then nothing has changed.
+    api::Check Grow(std::uint64_t bytes);
     ~Share() {
       if (memory_ != nullptr) memory_->Return(bytes_);
     }
@@ -68,7 +75,7 @@ class RequestMemory {
     api::Check Append(std::span<const std::byte> piece);
 
     struct Whole {
-      std::string text;
+      GrowingBytes text;
       Share share;
     };
     /// The body is complete and cannot be dropped any more. memory_full if it was dropped before.

@@ -102,7 +102,10 @@ class ImmediateQueue final : public httplib::TaskQueue {
 bool SendBody(const HttpBody& body, std::uint64_t offset, std::uint64_t length,
               httplib::DataSink& sink) noexcept {
   try {
-    if (body.reader() == nullptr) return sink.write(body.data() + offset, length);
+    if (body.reader() == nullptr) {
+      const std::string_view bytes = body.BytesFrom(offset).substr(0, length);
+      return sink.write(bytes.data(), bytes.size());
+    }
     std::vector<std::byte> piece(std::min<std::uint64_t>(length, kStreamBytes));
     if (!body.reader()(offset, piece)) return false;
     return sink.write(reinterpret_cast<const char*>(piece.data()), piece.size());

@@ -1,6 +1,7 @@
 #include "server/http/message.h"
 
 #include <algorithm>
+#include <iterator>
 
 namespace kdray::server {
 namespace {
@@ -43,21 +44,29 @@ std::size_t HttpHeaders::Count(std::string_view name) const {
 
 HttpBody::HttpBody(std::string text) {
   auto owned = std::make_shared<const std::string>(std::move(text));
-  data_ = owned->data();
-  size_ = owned->size();
+  *this = Static(*owned);
   owner_ = std::move(owned);
 }
 
 HttpBody::HttpBody(std::vector<std::byte> bytes) {
   auto owned = std::make_shared<const std::vector<std::byte>>(std::move(bytes));
-  data_ = reinterpret_cast<const char*>(owned->data());
-  size_ = owned->size();
+  *this = Static({reinterpret_cast<const char*>(owned->data()), owned->size()});
+  owner_ = std::move(owned);
+}
+
+HttpBody::HttpBody(std::vector<api::ByteBlock> pieces, std::shared_ptr<const void> owner) {
+  using Owned = std::pair<std::vector<api::ByteBlock>, std::shared_ptr<const void>>;
+  auto owned = std::make_shared<const Owned>(std::move(pieces), std::move(owner));
+  for (const api::ByteBlock& piece : owned->first) {
+    pieces_.push_back({size_, piece.view()});
+    size_ += piece.size();
+  }
   owner_ = std::move(owned);
 }
 
 HttpBody HttpBody::Static(std::string_view bytes) {
   HttpBody body;
-  body.data_ = bytes.data();
+  body.pieces_ = {{0, bytes}};
   body.size_ = bytes.size();
   return body;
 }
@@ -67,6 +76,15 @@ HttpBody HttpBody::Streamed(std::uint64_t size, Reader reader) {
   body.size_ = size;
   body.reader_ = std::move(reader);
   return body;
+}
+
+std::string_view HttpBody::BytesFrom(std::uint64_t offset) const {
+  const auto after =
+      std::upper_bound(pieces_.begin(), pieces_.end(), offset,
+                       [](std::uint64_t at, const Piece& piece) { return at < piece.offset; });
+  if (after == pieces_.begin()) return {};
+  const Piece& piece = *std::prev(after);
+  return piece.bytes.substr(static_cast<std::size_t>(offset - piece.offset));
 }
 
 }  // namespace kdray::server

@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "api/byte_block.h"
 #include "api/errors.h"
 #include "api/types.h"
 #include "core/base/cancel.h"
@@ -69,7 +70,7 @@ struct HttpRequest {
   std::chrono::steady_clock::time_point received;  ///< the time when its head was complete
 };
 
-/// The bytes of an answer: owned, static, or read piece by piece while they are sent.
+/// The bytes of an answer: owned, in one piece or several; static; or read while they are sent.
 class HttpBody {
  public:
   /// Fills `out` from `offset`; false aborts the answer. Called with growing offsets by one thread.
@@ -78,19 +79,28 @@ class HttpBody {
   HttpBody() = default;
   HttpBody(std::string text);              // NOLINT(google-explicit-constructor)
   HttpBody(std::vector<std::byte> bytes);  // NOLINT(google-explicit-constructor)
+  /// Several pieces, sent one after the other; none is empty. `owner` lives as long as they.
+  HttpBody(std::vector<api::ByteBlock> pieces, std::shared_ptr<const void> owner);
   /// Static bytes (embedded files).
   static HttpBody Static(std::string_view bytes);
   static HttpBody Streamed(std::uint64_t size, Reader reader);
 
   std::uint64_t size() const { return size_; }
-  /// Null if the body is streamed.
-  const char* data() const { return data_; }
+  /// Null unless the body is streamed.
   const Reader& reader() const { return reader_; }
-  std::string_view text() const { return {data_, data_ == nullptr ? 0 : std::size_t(size_)}; }
+  /// The bytes from `offset` < size() that lie in one piece; empty if the body is streamed.
+  std::string_view BytesFrom(std::uint64_t offset) const;
+  /// All bytes, if they lie in one piece.
+  std::string_view text() const { return size_ == 0 ? std::string_view() : BytesFrom(0); }
 
  private:
+  struct Piece {
+    std::uint64_t offset;
+    std::string_view bytes;
+  };
+
   std::shared_ptr<const void> owner_;
-  const char* data_ = nullptr;
+  std::vector<Piece> pieces_;  ///< by offset
   std::uint64_t size_ = 0;
   Reader reader_;
 };

@@ -60,6 +60,20 @@ class EchoHandler final : public test::RecordingHandler {
           });
       return response;
     }
+    if (request.path == "/pieces") {
+      std::vector<api::ByteBlock> pieces;
+      char next = 'a';
+      for (std::size_t left = 300'000, size = 1; left > 0; left -= size) {
+        size = std::min(3 * size + 1, left);
+        pieces.emplace_back(size);
+        for (std::size_t i = 0; i < size; ++i) {
+          pieces.back().data()[i] = next;
+          next = next == 'z' ? 'a' : static_cast<char>(next + 1);
+        }
+      }
+      response.body = HttpBody(std::move(pieces), nullptr);
+      return response;
+    }
     if (request.path == "/wait") WorkUntilLetGo(request);
     std::string text = request.method + " " + request.path + " ";
     if (const auto problem = ReadBody(request, &text)) return Refuse(request, *problem);
@@ -173,6 +187,16 @@ TEST_F(HttpServerTest, StreamsABodyPieceByPiece) {
   for (std::size_t i = 0; i < answer->body.size(); ++i) {
     ASSERT_EQ(answer->body[i], static_cast<char>('a' + i % 26)) << i;
   }
+}
+
+TEST_F(HttpServerTest, SendsTheBytesOfManyPiecesInOrder) {
+  const auto answer = Ask(port(), MakeRequest("GET", "/pieces"));
+  ASSERT_TRUE(answer);
+  ASSERT_EQ(answer->body.size(), 300'000U);
+  for (std::size_t i = 0; i < answer->body.size(); ++i) {
+    ASSERT_EQ(answer->body[i], static_cast<char>('a' + i % 26)) << i;
+  }
+  EXPECT_EQ(Ask(port(), MakeRequest("HEAD", "/pieces"), true)->Header("content-length"), "300000");
 }
 
 TEST_F(HttpServerTest, SendsNoLengthWith204) {

@@ -45,6 +45,28 @@ TEST(RequestMemory, TakesBackWhatIsNoLongerHeld) {
   EXPECT_EQ(memory.used(), 0U);
 }
 
+TEST(RequestMemory, AShareGrowsAsFarAsThereIsRoomAndShrinksAtOnce) {
+  RequestMemory memory(100);
+  RequestMemory::Share share = *memory.Take(40);
+  const RequestMemory::Share other = *memory.Take(40);
+  EXPECT_FALSE(share.Grow(20));
+  const api::Check refused = share.Grow(1);
+  ASSERT_TRUE(refused);
+  EXPECT_EQ(refused->code, ErrorCode::kMemoryFull);
+  EXPECT_EQ(share.bytes(), 60U);
+  share.ShrinkTo(70);
+  EXPECT_EQ(memory.used(), 100U) << "it has less";
+  share.ShrinkTo(5);
+  EXPECT_EQ(memory.used(), 45U);
+}
+
+TEST(RequestMemory, AShareThatIsAloneGrowsBeyondTheLimit) {
+  RequestMemory memory(100);
+  RequestMemory::Share share = *memory.Take(40);
+  EXPECT_FALSE(share.Grow(1000));
+  EXPECT_EQ(memory.used(), 1040U);
+}
+
 TEST(RequestMemory, LetsALargeRequestInAlone) {
   RequestMemory memory(100);
   const auto large = memory.Take(1'000'000);
@@ -73,7 +95,7 @@ TEST(RequestMemory, ACompleteBodyKeepsItsBytesAndItsShare) {
     const auto whole = body->Finish();
     ASSERT_TRUE(whole.ok());
     body.reset();
-    EXPECT_EQ(whole->text, "aaaaabbbbb");
+    EXPECT_EQ(whole->text.view(), "aaaaabbbbb");
     EXPECT_EQ(memory.used(), 20U);
   }
   EXPECT_EQ(memory.used(), 0U);
