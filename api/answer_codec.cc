@@ -195,6 +195,8 @@ std::string EncodeCapabilities(std::string_view version, const Limits& limits) {
                {"limits",
                 {{"max_upload_bytes", limits.max_upload_bytes},
                  {"max_rays", limits.max_rays},
+                 {"max_hits", kMaxHits},
+                 {"max_answer_hits", limits.MaxAnswerHits()},
                  {"max_pixels", limits.max_pixels},
                  {"max_image_side", limits.max_image_side},
                  {"max_cells", limits.max_cells},

@@ -3,16 +3,21 @@
 #include <limits>
 #include <utility>
 
-#include "api/closest_encoder.h"
+#include "api/hit_encoder.h"
 #include "api/json_batch.h"
-#include "api/json_text.h"
 #include "api/npy.h"
-#include "api/npy_batch.h"
 
 namespace kdray::api {
+namespace {
+
+NumberType NumbersOf(const RayTable& rays, const RayOptions& options) {
+  return options.dtype.value_or(rays.number_type());
+}
+
+}  // namespace
 
 Outcome<RayTable> DecodeRays(std::string_view body, BatchType type, const RayOptions& options,
-                             const Limits& limits, const ShouldStop& should_stop) {
+                             const Limits& limits, const BatchWork& work) {
   if (body.size() > limits.MaxBatchBytes()) {
     Problem problem{ErrorCode::kBodyTooLarge, "the body has " + std::to_string(body.size()) +
                                                   " bytes; a batch has at most " +
@@ -22,48 +27,40 @@ Outcome<RayTable> DecodeRays(std::string_view body, BatchType type, const RayOpt
     return problem;
   }
   const double t_max = options.t_max.value_or(std::numeric_limits<double>::infinity());
-  if (type == BatchType::kNpy) {
-    const Outcome<NpyArray> array = ReadNpy(body);
-    if (!array) return array.problem();
-    return RaysFromNpy(*array, options.t_min, t_max, limits.max_rays, should_stop);
+  if (type == BatchType::kJson) {
+    return ReadRayRows(body, options.t_min, t_max, limits.max_rays, work);
   }
-  Outcome<std::vector<RayRow<double>>> rows =
-      ReadRayRows(body, options.t_min, t_max, limits.max_rays, should_stop);
-  if (!rows) return std::move(rows).problem();
-  return RayTable{{rows->size()}, *std::move(rows), NumberType::kF8};
+  Outcome<NpyArray> array = ReadNpy(body);
+  if (!array) return std::move(array).problem();
+  return RayTable::FromNpy(*std::move(array), options.t_min, t_max, limits.max_rays);
 }
 
-std::string EncodeClosest(const ClosestAnswer& answer, const RayTable& rays,
-                          const RayOptions& options, BatchType type,
-                          const ShouldStop& should_stop) {
-  const NumberType numbers = options.dtype.value_or(rays.number_type());
-  return type == BatchType::kJson
-             ? ClosestAsJson(answer, options.fields, numbers, should_stop)
-             : ClosestAsNpy(answer, options.fields, numbers, rays.shape, should_stop);
+std::unique_ptr<AnswerWriter<ClosestRows>> WriterOfClosest(const RayTable& rays,
+                                                           const RayOptions& options,
+                                                           BatchType type, ChargeBytes charge) {
+  return std::make_unique<AnswerWriter<ClosestRows>>(
+      type, EncoderOfClosest(options.fields, NumbersOf(rays, options)), rays.shape(),
+      std::move(charge));
 }
 
-std::string EncodeAny(const AnyAnswer& answer, const RayTable& rays, BatchType type,
-                      const ShouldStop& should_stop) {
-  StopPoll poll(should_stop);
-  if (type == BatchType::kNpy) {
-    std::string out = NpyHeader("'|b1'", rays.shape);
-    out.reserve(out.size() + answer.occluded.size());
-    for (const std::uint8_t occluded : answer.occluded) {
-      if (poll.Row()) return {};
-      out += occluded ? '\1' : '\0';
-    }
-    return out;
-  }
-  std::string out = "{\"results\":[";
-  for (std::size_t row = 0; row < answer.occluded.size(); ++row) {
-    if (poll.Row()) return {};
-    if (row != 0) out += ',';
-    out += answer.occluded[row] ? "true" : "false";
-  }
-  out += "],";
-  AppendRowLists(&out, answer.invalid);
-  out += '}';
-  return out;
+std::unique_ptr<AnswerWriter<AnyRows>> WriterOfAny(const RayTable& rays, const RayOptions&,
+                                                   BatchType type, ChargeBytes charge) {
+  return std::make_unique<AnswerWriter<AnyRows>>(type, EncoderOfAny(), rays.shape(),
+                                                 std::move(charge));
+}
+
+std::unique_ptr<AnswerWriter<CountRows>> WriterOfCount(const RayTable& rays,
+                                                       const RayOptions& options, BatchType type,
+                                                       ChargeBytes charge) {
+  return std::make_unique<AnswerWriter<CountRows>>(type, EncoderOfCount(NumbersOf(rays, options)),
+                                                   rays.shape(), std::move(charge));
+}
+
+std::unique_ptr<AnswerWriter<AllRows>> WriterOfAll(const RayTable& rays, const RayOptions& options,
+                                                   BatchType type, ChargeBytes charge) {
+  return std::make_unique<AnswerWriter<AllRows>>(
+      type, EncoderOfAll(options.fields, NumbersOf(rays, options)), std::nullopt,
+      std::move(charge));
 }
 
 std::string EncodeImage(const ImageArray& image) {

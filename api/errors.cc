@@ -48,8 +48,9 @@ constexpr std::array kTable = {
              "GET /v1 lists the limits."},
     ErrorRow{kTooManyRays, 413, "The batch has more rows than this server accepts",
              "Split the batch: an answer row does not depend on its neighbours."},
-    ErrorRow{kTooManyHits, 413, "The request allows more hits per ray than this server",
-             "GET /v1 lists the limits."},
+    ErrorRow{kTooManyHits, 413, "The answer has more hits than this server sends",
+             "Send fewer rows, or a smaller max_hits. GET /v1 lists the limit as "
+             "max_answer_hits."},
     ErrorRow{kTooManyCells, 413, "The tree has too many cells at this depth",
              "Use a smaller depth."},
     ErrorRow{kImageTooLarge, 413, "The image is larger than this server renders",

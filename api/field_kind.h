@@ -67,8 +67,8 @@ std::string Describe(const FieldKind& kind);
 
 // ---- Its value ----
 
-/// integer, index of a choice; number; integers, indices of choices; vector; text or
-/// VectorKind::word; boolean; lights.
+/// integer, index of a choice; number; integers, indices of choices; vector; text, or the word of a
+/// number or vector; boolean; lights.
 using FieldValue = std::variant<std::int64_t, double, std::vector<std::int64_t>,
                                 std::vector<double>, std::string, bool, std::vector<Light>>;
 

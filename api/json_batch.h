@@ -1,11 +1,11 @@
-// Reads JSON batches directly into rows, in one pass and without a document tree.
+// Reads JSON batches into rows, in one pass and without a document tree.
 #pragma once
 
 #include <cstdint>
 #include <string_view>
-#include <vector>
 
-#include "api/should_stop.h"
+#include "api/batch_work.h"
+#include "api/ray_table.h"
 #include "api/types.h"
 
 namespace kdray::api {
@@ -14,9 +14,9 @@ namespace kdray::api {
 /// 6 get the `t_min` and `t_max` given here; a t_max of null is infinity. invalid_json for anything
 /// else, with the JSON pointer of the row or number; invalid_parameter for a field other than
 /// `rays`; too_many_rays at row `max_rows` + 1. Deep nesting costs nothing: the first bracket too
-/// many is an error. When `should_stop` returns true, any problem comes back.
-Outcome<std::vector<RayRow<double>>> ReadRayRows(std::string_view json, double t_min, double t_max,
-                                                 std::uint64_t max_rows,
-                                                 const ShouldStop& should_stop = {});
+/// many is an error. When `work.should_stop` returns true, any problem comes back.
+/// The rows' memory is charged before it is taken.
+Outcome<RayTable> ReadRayRows(std::string_view json, double t_min, double t_max,
+                              std::uint64_t max_rows, const BatchWork& work = {});
 
 }  // namespace kdray::api

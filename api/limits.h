@@ -12,6 +12,7 @@ inline constexpr std::int64_t kMaxWholeSide =
 inline constexpr std::int64_t kMaxDepth = 255;  ///< of cells; no tree is deeper
 inline constexpr std::int64_t kMaxPage = 1000;  ///< trees
 inline constexpr std::size_t kMaxLights = 64;   ///< of a render
+inline constexpr std::int64_t kMaxHits = 1024;  ///< of a row of `all`
 
 struct Limits {
   std::uint64_t max_upload_bytes = std::uint64_t{1} << 30;  ///< mesh_too_large
@@ -25,6 +26,9 @@ struct Limits {
   std::uint64_t max_wait_ms = 60'000;
   std::uint64_t max_json_body_bytes = 1 << 20;  ///< body_too_large: renders
   std::uint64_t max_json_depth = 32;
+
+  /// too_many_hits: the hits of one answer of `all`.
+  std::uint64_t MaxAnswerHits() const { return 16 * max_rays; }
 
   /// A JSON batch: every number written in full (25 bytes) in rows of eight.
   std::uint64_t MaxBatchBytes() const { return 4096 + max_rays * 8 * 25; }

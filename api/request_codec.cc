@@ -12,9 +12,14 @@ namespace kdray::api {
 namespace {
 
 Outcome<RayOptions> CheckedRayOptions(Outcome<RayOptions> options) {
+  if (!options) return options;
+  if (options->auto_t_max) options->t_max = 1;
   // Checked here, because one mistake would make every row of 6 invalid.
-  if (options && options->t_max && !(options->t_min <= *options->t_max)) {
-    return Problem{ErrorCode::kInvalidParameter, "t_min is greater than t_max", "t_min"};
+  if (options->t_max && !(options->t_min <= *options->t_max)) {
+    return Problem{ErrorCode::kInvalidParameter,
+                   "t_min (" + NumberText(options->t_min) + ") is greater than t_max (" +
+                       NumberText(*options->t_max) + (options->auto_t_max ? ", auto)" : ")"),
+                   "t_min"};
   }
   return options;
 }
@@ -147,6 +152,14 @@ Outcome<VisibilityOptions> DecodeVisibilityOptions(std::string_view query, const
     return Problem{ErrorCode::kInvalidParameter, "t_min is greater than t_max", "t_min"};
   }
   return options;
+}
+
+Outcome<RayOptions> DecodeCountOptions(std::string_view query, const Limits& limits) {
+  return CheckedRayOptions(ReadQuery(CountFields(limits), query));
+}
+
+Outcome<RayOptions> DecodeAllOptions(std::string_view query, const Limits& limits) {
+  return CheckedRayOptions(ReadQuery(AllFields(limits), query));
 }
 
 Check CheckNoParameters(std::string_view query) {

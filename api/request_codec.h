@@ -29,6 +29,8 @@ Outcome<PointOptions> DecodeClosestPointOptions(std::string_view query, const Li
 Outcome<PointOptions> DecodeSideOptions(std::string_view query, const Limits& limits);
 /// invalid_parameter also for t_min > t_max, and for t_max beside to_directions.
 Outcome<VisibilityOptions> DecodeVisibilityOptions(std::string_view query, const Limits& limits);
+Outcome<RayOptions> DecodeCountOptions(std::string_view query, const Limits& limits);
+Outcome<RayOptions> DecodeAllOptions(std::string_view query, const Limits& limits);
 
 /// For paths that take no parameters.
 Check CheckNoParameters(std::string_view query);

@@ -33,6 +33,23 @@ Field<Request> DeadlineField(const Limits& limits) {
   return field;
 }
 
+constexpr std::string_view kAutoWord = "auto";
+
+/// t_min or t_max: a number, or `auto`, which sets `is_auto` and leaves the number.
+template <class Number>
+Field<RayOptions> IntervalField(std::string_view name, NumberKind kind, Number RayOptions::*number,
+                                bool RayOptions::*is_auto) {
+  return {name, kind,
+          [number, is_auto](RayOptions& options, FieldValue value) {
+            options.*is_auto = std::holds_alternative<std::string>(value);
+            if (!(options.*is_auto)) field_detail::Assign(options.*number, std::move(value));
+          },
+          [number, is_auto](const RayOptions& options) -> std::optional<FieldValue> {
+            if (options.*is_auto) return std::string(kAutoWord);
+            return field_detail::Fetch(options.*number);
+          }};
+}
+
 Field<RenderRequest> BackgroundField() {
   constexpr VectorKind kKind = {0, 1, "transparent"};
   return {"background", kKind,
@@ -82,13 +99,15 @@ FieldTable<CellsRequest> CellsFields() {
 
 FieldTable<RayOptions> AnyFields(const Limits& limits) {
   using R = RayOptions;
-  NumberKind t_max;
-  t_max.or_infinity = true;
   return {{MemberField("precision", kPrecisionKind, &R::precision),
-           MemberField("t_min", NumberKind{}, &R::t_min), MemberField("t_max", t_max, &R::t_max),
-           DeadlineField<R>(limits),
+           IntervalField("t_min", NumberKind{.word = kAutoWord}, &R::t_min, &R::auto_t_min),
+           IntervalField("t_max", NumberKind{.or_infinity = true, .word = kAutoWord}, &R::t_max,
+                         &R::auto_t_max),
+           MemberField("cull", ChoiceKind{kCullNames}, &R::cull), DeadlineField<R>(limits),
            MemberField("dtype", ChoiceKind{kNumberTypeNames}, &R::dtype)}};
 }
+
+FieldTable<RayOptions> CountFields(const Limits& limits) { return AnyFields(limits); }
 
 FieldTable<RayOptions> ClosestFields(const Limits& limits) {
   FieldTable<RayOptions> table = AnyFields(limits);
@@ -132,6 +151,13 @@ FieldTable<VisibilityOptions> VisibilityFields(const Limits& limits) {
            MemberField("to_directions", BooleanKind{}, &V::to_directions),
            MemberField("from_count", UpTo(0, 2 * limits.max_rays), &V::from_count),
            MemberField("bits", BooleanKind{}, &V::bits), DeadlineField<V>(limits)}};
+}
+
+FieldTable<RayOptions> AllFields(const Limits& limits) {
+  FieldTable<RayOptions> table = ClosestFields(limits);
+  table.fields.insert(table.fields.begin() + 2,
+                      MemberField("max_hits", IntegerKind{1, kMaxHits}, &RayOptions::max_hits));
+  return table;
 }
 
 FieldTable<RenderRequest> RenderFields(const Limits& limits) {

@@ -20,6 +20,8 @@ FieldTable<RayOptions> AnyFields(const Limits& limits);
 FieldTable<PointOptions> ClosestPointFields(const Limits& limits);
 FieldTable<PointOptions> SideFields(const Limits& limits);  ///< signed-distance and inside
 FieldTable<VisibilityOptions> VisibilityFields(const Limits& limits);
+FieldTable<RayOptions> CountFields(const Limits& limits);
+FieldTable<RayOptions> AllFields(const Limits& limits);
 FieldTable<RenderRequest> RenderFields(const Limits& limits);
 
 }  // namespace kdray::api

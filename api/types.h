@@ -4,6 +4,7 @@
 // geometry.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -49,65 +50,40 @@ struct Box {
 
 // ---- Batches ----
 
-/// ox oy oz t_min dx dy dz t_max: one ray, with the interval already filled in from columns 7 and 8
-/// or the options.
-template <class T>
-struct RayRow {
-  T ox, oy, oz, t_min, dx, dy, dz, t_max;
-};
-
-/// A decoded batch of rays. `shape` is the request's leading shape ((N) for JSON); its product is
-/// the number of rows. Numbers are kept in the type in which they were sent. But if a float cannot
-/// hold the options' t_min or t_max, which complete rows of 6, float rows are widened, because the
-/// interval must not change.
-struct RayTable {
-  std::vector<std::size_t> shape;
-  std::variant<std::vector<RayRow<float>>, std::vector<RayRow<double>>> rows;
-  std::optional<NumberType> sent_as =
-      {};  ///< the type in which the numbers were sent; nullopt: that of `rows`
-
-  std::size_t size() const {
-    return std::visit([](const auto& r) { return r.size(); }, rows);
-  }
-  /// The request's number type, which is the default `dtype` of the answer.
-  NumberType number_type() const {
-    return sent_as.value_or(rows.index() == 0 ? NumberType::kF4 : NumberType::kF8);
-  }
-};
-
 /// Query parameters of a batch of ray queries.
 struct RayOptions {
   Precision precision = Precision::kAuto;
   std::vector<RayField> fields = {RayField::kT, RayField::kTriangle, RayField::kU,
                                   RayField::kV};  ///< in the requested order
+  std::int64_t max_hits = 64;                     ///< of a row of `all`
   double t_min = 0;                               ///< for rows of 6 columns
   std::optional<double> t_max;                    ///< for rows of 6 columns; nullopt: infinity
+  bool auto_t_min = false;  ///< off the surface that a ray begins on; then t_min is 0
+  bool auto_t_max = false;  ///< off the surface at the end of the direction; then t_max is 1
+  Cull cull = Cull::kNone;
   std::int64_t deadline_ms = 30000;
   std::optional<NumberType>
       dtype;  ///< of the answer's numbers; nullopt: the request's, f8 for JSON
+
+  bool Names(RayField field) const {
+    return std::find(fields.begin(), fields.end(), field) != fields.end();
+  }
 };
 
-/// One row of `closest`. A miss has triangle -1 and t infinity; an invalid row has t NaN.
+/// A hit. A miss has triangle -1 and t infinity; an invalid row has t NaN.
 struct RayHit {
   double t, u, v;
   std::int64_t triangle;
 };
 
-struct ClosestAnswer {
-  Precision precision = Precision::kAuto;  ///< the one used, never kAuto
-  std::vector<RayHit> hits;                ///< one for each ray
-  std::vector<std::array<float, 3>>
-      normals;               ///< unit geometric normals, only if requested; NaN for a miss
-  std::vector<Vec3> points;  ///< origin + t * direction, only if requested; NaN for a miss
-  std::vector<std::uint64_t> invalid;  ///< row numbers of invalid rays, ascending
-  double trace_ms = 0;                 ///< rays in memory to hits in memory
-};
-
-struct AnyAnswer {
-  Precision precision = Precision::kAuto;
-  std::vector<std::uint8_t> occluded;  ///< 0 or 1 for each ray
-  std::vector<std::uint64_t> invalid;
-  double trace_ms = 0;
+/// What an answered batch has beside its rows.
+struct BatchReport {
+  Precision precision = Precision::kAuto;         ///< the one used, never kAuto
+  std::optional<double> offset;                   ///< with t_min or t_max auto: the contract's B
+  std::vector<std::uint64_t> invalid, truncated;  ///< row numbers, ascending
+  double parse_ms = 0;                            ///< rows of the body to rays
+  double trace_ms = 0;                            ///< rays in memory to hits in memory
+  double encode_ms = 0;                           ///< hits to bytes
 };
 
 // ---- Trees ----

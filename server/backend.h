@@ -15,6 +15,8 @@
 #include <vector>
 
 #include "api/points.h"
+#include "api/ray_table.h"
+#include "api/row_sink.h"
 #include "api/types.h"
 #include "api/visibility.h"
 #include "core/base/cancel.h"
@@ -55,12 +57,31 @@ class MeshBytes {
 class LoadedTree {
  public:
   virtual ~LoadedTree() = default;
-  virtual api::Outcome<api::ClosestAnswer> Closest(const api::RayTable& rays,
-                                                   const api::RayOptions& options,
-                                                   const CancelToken& cancel) const = 0;
-  virtual api::Outcome<api::AnyAnswer> Any(const api::RayTable& rays,
-                                           const api::RayOptions& options,
-                                           const CancelToken& cancel) const = 0;
+
+  // Ray queries. `sink` gets the rows, in order and in blocks; the report has the rest of the
+  // answer. The problem may be the sink's.
+  virtual api::Outcome<api::BatchReport> Closest(const api::RayTable& rays,
+                                                 const api::RayOptions& options,
+                                                 const CancelToken& cancel,
+                                                 api::RowSink<api::ClosestRows>* sink) const = 0;
+  virtual api::Outcome<api::BatchReport> Any(const api::RayTable& rays,
+                                             const api::RayOptions& options,
+                                             const CancelToken& cancel,
+                                             api::RowSink<api::AnyRows>* sink) const = 0;
+  virtual api::Outcome<api::BatchReport> Count(const api::RayTable& rays,
+                                               const api::RayOptions& options,
+                                               const CancelToken& cancel,
+                                               api::RowSink<api::CountRows>* sink) const = 0;
+  /// too_many_hits beyond limits.MaxAnswerHits().
+  virtual api::Outcome<api::BatchReport> All(const api::RayTable& rays,
+                                             const api::RayOptions& options,
+                                             const CancelToken& cancel,
+                                             api::RowSink<api::AllRows>* sink) const = 0;
+
+  /// Calls piece(0) to piece(count - 1) on the threads that compute, and waits for all.
+  virtual void RunPieces(std::size_t count,
+                         const std::function<void(std::size_t)>& piece) const = 0;
+
   // Point queries. `put` gets the rows in order, block by block, at least once.
 
   template <class Row>

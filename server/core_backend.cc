@@ -4,12 +4,14 @@
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
+#include <functional>
 #include <new>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "core/base/parallel.h"
+#include "core/intersect/hit_filter.h"
 #include "core/io/mesh_attributes.h"
 #include "core/io/png_writer.h"
 #include "core/library/tree_library.h"
@@ -124,22 +126,43 @@ class CoreLoadedTree final : public LoadedTree {
                  core::Scene scene)
       : runner_(*runner), library_(*library), id_(id), scene_(std::move(scene)) {}
 
-  api::Outcome<api::ClosestAnswer> Closest(const api::RayTable& rays,
-                                           const api::RayOptions& options,
-                                           const CancelToken& cancel) const override {
-    return Query<api::ClosestAnswer>(
-        options.precision, cancel,
-        [&](const core::TraceOptions& trace, api::ClosestAnswer* answer) {
-          return ToCheck(AnswerClosest(scene_, rays, options, trace, answer));
-        });
+  api::Outcome<api::BatchReport> Closest(const api::RayTable& rays, const api::RayOptions& options,
+                                         const CancelToken& cancel,
+                                         api::RowSink<api::ClosestRows>* sink) const override {
+    return Rays(rays, options, core::AutoPrecision(*scene_.mesh), cancel,
+                [sink](const RayQuery& query, api::BatchReport* report) {
+                  return AnswerClosest(query, sink, report);
+                });
+  }
+  api::Outcome<api::BatchReport> Any(const api::RayTable& rays, const api::RayOptions& options,
+                                     const CancelToken& cancel,
+                                     api::RowSink<api::AnyRows>* sink) const override {
+    return Rays(rays, options, core::AutoPrecision(*scene_.mesh), cancel,
+                [sink](const RayQuery& query, api::BatchReport* report) {
+                  return AnswerAny(query, sink, report);
+                });
+  }
+  api::Outcome<api::BatchReport> Count(const api::RayTable& rays, const api::RayOptions& options,
+                                       const CancelToken& cancel,
+                                       api::RowSink<api::CountRows>* sink) const override {
+    return Rays(rays, options, core::Precision::kExact, cancel,
+                [sink](const RayQuery& query, api::BatchReport* report) {
+                  return AnswerCount(query, sink, report);
+                });
+  }
+  api::Outcome<api::BatchReport> All(const api::RayTable& rays, const api::RayOptions& options,
+                                     const CancelToken& cancel,
+                                     api::RowSink<api::AllRows>* sink) const override {
+    return Rays(rays, options, core::Precision::kExact, cancel,
+                [this, sink](const RayQuery& query, api::BatchReport* report) {
+                  return AnswerAll(query, runner_.limits.MaxAnswerHits(), sink, report);
+                });
   }
 
-  api::Outcome<api::AnyAnswer> Any(const api::RayTable& rays, const api::RayOptions& options,
-                                   const CancelToken& cancel) const override {
-    return Query<api::AnyAnswer>(options.precision, cancel,
-                                 [&](const core::TraceOptions& trace, api::AnyAnswer* answer) {
-                                   return ToCheck(AnswerAny(scene_, rays, trace, answer));
-                                 });
+  void RunPieces(std::size_t count, const std::function<void(std::size_t)>& piece) const override {
+    runner_.arena.Run([&] {
+      core::ParallelFor(0, count, 1, [&](std::size_t first, std::size_t) { piece(first); });
+    });
   }
 
   api::Outcome<api::PointReport> ClosestPoints(
@@ -174,7 +197,7 @@ class CoreLoadedTree final : public LoadedTree {
                                                  const api::VisibilityOptions& options,
                                                  const CancelToken& cancel) const override {
     return Query<api::VisibilityAnswer>(
-        options.precision, cancel,
+        options.precision, core::AutoPrecision(*scene_.mesh), cancel,
         [&](const core::TraceOptions& trace, api::VisibilityAnswer* answer) {
           return ToCheck(AnswerVisibility(scene_, sets, options, trace, answer));
         });
@@ -189,7 +212,7 @@ class CoreLoadedTree final : public LoadedTree {
       attributes = *std::move(loaded);
     }
     return Query<api::RenderAnswer>(
-        request.precision, cancel,
+        request.precision, core::AutoPrecision(*scene_.mesh), cancel,
         [&](const core::TraceOptions&, api::RenderAnswer* answer) -> api::Check {
           const auto start = SteadyClock::now();
           core::RenderSpec spec = ToCore(request);
@@ -277,11 +300,32 @@ class CoreLoadedTree final : public LoadedTree {
     return library_.LoadAttributes(id_, kinds, cancel);
   }
 
-  // Determines the precision, and runs `work` in the query arena.
+  // The common part of ray queries. `automatic` is the precision of `auto`.
+  template <class Work>
+  api::Outcome<api::BatchReport> Rays(const api::RayTable& rays, const api::RayOptions& options,
+                                      core::Precision automatic, const CancelToken& cancel,
+                                      const Work& work) const {
+    return Query<api::BatchReport>(
+        options.precision, automatic, cancel,
+        [&](core::TraceOptions trace, api::BatchReport* report) {
+          trace.cull = ToCore(options.cull);
+          trace.starts_on_surface = options.auto_t_min;
+          trace.ends_on_surface = options.auto_t_max;
+          if (options.auto_t_min || options.auto_t_max) {
+            const bool in_float = rays.number_type() == api::NumberType::kF4;
+            trace.surface_offset = core::SurfaceOffset(*scene_.mesh, trace.precision, in_float);
+            report->offset = trace.surface_offset;
+          }
+          return work(RayQuery{scene_, rays, options, trace}, report);
+        });
+  }
+
+  // Determines the precision, and runs `work` in the query arena. `automatic` is the precision of
+  // `auto`.
   template <class Answer, class Work>
-  api::Outcome<Answer> Query(api::Precision asked, const CancelToken& cancel,
-                             const Work& work) const {
-    const core::Precision precision = ToCore(asked, core::AutoPrecision(*scene_.mesh));
+  api::Outcome<Answer> Query(api::Precision asked, core::Precision automatic,
+                             const CancelToken& cancel, const Work& work) const {
+    const core::Precision precision = ToCore(asked, automatic);
     Answer answer;
     answer.precision = ToApi(precision);
     try {

@@ -54,10 +54,6 @@ api::TreeDescription ToApi(const core::TreeInfo& info);
 std::string FormatCursor(const core::TreeInfo& info);
 std::optional<core::TreeLibrary::Position> ParseCursor(std::string_view cursor);
 
-template <class T>
-core::RayOf<T> ToCore(const api::RayRow<T>& row) {
-  return {{row.ox, row.oy, row.oz}, row.t_min, {row.dx, row.dy, row.dz}, row.t_max};
-}
 inline api::RayHit ToApi(const core::Hit& hit) {
   return {hit.t, hit.u, hit.v, hit.IsHit() ? std::int64_t{hit.primitive_id} : -1};
 }

@@ -1,133 +1,281 @@
 #include "server/ray_queries.h"
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cstddef>
-#include <cstdint>
-#include <limits>
+#include <mutex>
 #include <span>
-#include <variant>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "core/base/parallel.h"
-#include "core/render/shading.h"
+#include "server/hit_details.h"
 #include "server/mapping.h"
+#include "server/raw_array.h"
 
 namespace kdray::server {
 namespace {
 
+using Clock = std::chrono::steady_clock;
+
 // Rays are handed to the tracer in blocks of this many: large enough for it to sort and share out,
-// small enough that a converted copy of them costs little memory.
+// small enough that the copy of their rows stays in the cache.
 constexpr std::size_t kBlockRays = 131'072;
-// Rows that one thread converts at a time.
-constexpr std::size_t kGrainRows = 8192;
+// Rows that one thread reads at a time.
+constexpr std::size_t kReadRows = 4096;
+// Rows that one thread gives to the sink at a time, which then still are in its first cache.
+constexpr std::size_t kPutRows = 1024;
+// Hits of `all` that a block may have at most.
+constexpr std::size_t kBlockHits = std::size_t{1} << 20;
+// Hits of `all` that one thread gives to the sink at a time.
+constexpr std::size_t kPutHits = 4096;
 
-template <class T>
-std::span<const T> RowsOf(const std::vector<T>& rows) {
-  return rows;
-}
-
-// One block of a batch, in core's words. Called within the query arena.
-template <class T>
-class RayBlock {
- public:
-  explicit RayBlock(std::span<const api::RayRow<T>> rows) : rays_(rows.size()) {
-    core::ParallelFor(0, rows.size(), kGrainRows, [&](std::size_t first, std::size_t last) {
-      for (std::size_t i = first; i < last; ++i) rays_[i] = ToCore(rows[i]);
-    });
-  }
-  core::RayBatch batch() const { return std::span<const core::RayOf<T>>(rays_); }
-  void ListInvalid(std::size_t first_row, std::vector<std::uint64_t>* invalid) const {
-    for (std::size_t i = 0; i < rays_.size(); ++i) {
-      if (!core::IsValid(rays_[i])) invalid->push_back(first_row + i);
-    }
-  }
-
- private:
-  std::vector<core::RayOf<T>> rays_;
-};
-
-// f(block, first row) for every block of the table; stops at the first error.
+/// Adds the time of f() to `ms`.
 template <class F>
-core::Status ForEachBlock(const api::RayTable& table, const F& f) {
-  return std::visit(
-      [&](const auto& rows) -> core::Status {
-        for (std::size_t first = 0; first < rows.size(); first += kBlockRays) {
-          const std::size_t count = std::min(kBlockRays, rows.size() - first);
-          const RayBlock block(RowsOf(rows).subspan(first, count));
-          if (core::Status status = f(block, first); !status.ok()) return status;
-        }
-        return {};
-      },
-      table.rows);
+auto Timed(double* ms, const F& f) {
+  struct Stop {
+    double* ms;
+    Clock::time_point start = Clock::now();
+    ~Stop() { *ms += std::chrono::duration<double, std::milli>(Clock::now() - start).count(); }
+  } stop{ms};
+  return f();
 }
 
-// Geometric normals and hit points, for those who ask.
-class HitDetails {
- public:
-  HitDetails(const core::TriangleMesh& mesh, const api::RayOptions& options, std::size_t rows,
-             api::ClosestAnswer* answer)
-      : mesh_(mesh), answer_(answer) {
-    const auto asked = [&](api::RayField field) {
-      return std::find(options.fields.begin(), options.fields.end(), field) != options.fields.end();
-    };
-    constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
-    constexpr double kNoPoint = std::numeric_limits<double>::quiet_NaN();
-    if (asked(api::RayField::kNormal)) answer->normals.assign(rows, {kNone, kNone, kNone});
-    if (asked(api::RayField::kPoint)) {
-      answer->points.assign(rows, {kNoPoint, kNoPoint, kNoPoint});
-    }
-  }
-  bool wanted() const { return !answer_->normals.empty() || !answer_->points.empty(); }
+api::Check ToCheck(const core::Status& status) {
+  if (status.ok()) return std::nullopt;
+  return ToProblem(status.error());
+}
 
-  void Fill(std::size_t row, const core::Ray& ray, const core::Hit& hit) const {
-    if (!hit.IsHit()) return;
-    if (!answer_->normals.empty()) {
-      const core::Vec3f n(core::UnitNormal(mesh_, hit.primitive_id));
-      answer_->normals[row] = {n.x, n.y, n.z};
+/// body(first, last) over [0, count) in parallel, until `cancel` stops.
+template <class Body>
+api::Check ForEachPiece(std::size_t count, std::size_t grain, const core::CancelToken& cancel,
+                        const Body& body) {
+  std::atomic<bool> stopped{false};
+  core::ParallelFor(0, count, grain, [&](std::size_t first, std::size_t last) {
+    if (stopped.load(std::memory_order_relaxed)) return;
+    if (cancel.ShouldStop()) {
+      stopped = true;
+    } else {
+      body(first, last);
     }
-    if (!answer_->points.empty()) {
-      const core::Vec3d p = ray.origin + ray.direction * hit.t;
-      answer_->points[row] = {p.x, p.y, p.z};
+  });
+  if (stopped) return ToProblem(cancel.ToError());
+  return std::nullopt;
+}
+
+/// The rows of a batch as core's rays, a block at a time. T is the type of the table's rows.
+template <class T>
+class RayBlocks {
+ public:
+  RayBlocks(const RayQuery& query, std::size_t block_rows, api::BatchReport* report)
+      : query_(query),
+        report_(report),
+        block_rows_(std::min(block_rows, query.rays.size())),
+        rays_(block_rows_) {}
+
+  /// f(rays, number of the first) for every block; stops at the first problem.
+  template <class F>
+  api::Check ForEach(const F& f) {
+    for (std::size_t first = 0; first < query_.rays.size(); first += block_rows_) {
+      const std::size_t count = std::min(block_rows_, query_.rays.size() - first);
+      if (auto problem = Timed(&report_->parse_ms, [&] { return Read(first, count); })) {
+        return problem;
+      }
+      if (auto problem = f(std::as_const(rays_).first(count), first)) return problem;
     }
+    return std::nullopt;
   }
 
  private:
-  const core::TriangleMesh& mesh_;
-  api::ClosestAnswer* answer_;
+  // Reads rows and lists the invalid ones.
+  api::Check Read(std::size_t first_row, std::size_t count) {
+    // The table's order of numbers is that of a ray in memory.
+    static_assert(sizeof(core::RayOf<T>) == api::kRayNumbers * sizeof(T) &&
+                  offsetof(core::RayOf<T>, t_min) == 3 * sizeof(T) &&
+                  offsetof(core::RayOf<T>, direction) == 4 * sizeof(T) &&
+                  offsetof(core::RayOf<T>, t_max) == 7 * sizeof(T));
+    const std::span<core::RayOf<T>> rays = rays_.first(count);
+    std::vector<std::uint64_t>& invalid = report_->invalid;
+    const std::size_t invalid_before = invalid.size();
+    std::mutex mutex;
+    auto problem = ForEachPiece(
+        count, kReadRows, query_.trace.cancel, [&](std::size_t first, std::size_t last) {
+          const std::span<core::RayOf<T>> piece = rays.subspan(first, last - first);
+          query_.rays.Read(first_row + first, std::span(reinterpret_cast<T*>(piece.data()),
+                                                        piece.size() * api::kRayNumbers));
+          for (const core::RayOf<T>& ray : piece) {
+            if (core::IsValid(ray)) [[likely]]
+              continue;
+            const std::lock_guard lock(mutex);
+            invalid.push_back(first_row + first + static_cast<std::size_t>(&ray - piece.data()));
+          }
+        });
+    std::sort(invalid.begin() + static_cast<std::ptrdiff_t>(invalid_before), invalid.end());
+    return problem;
+  }
+
+  const RayQuery& query_;
+  api::BatchReport* report_;
+  const std::size_t block_rows_;
+  RawArray<core::RayOf<T>> rays_;
 };
 
-}  // namespace
+/// f(rays, number of the first), rays a std::span<const core::RayOf<T>>, for every block of the
+/// batch.
+template <class F>
+api::Check ForEachBlock(const RayQuery& query, std::size_t block_rows, api::BatchReport* report,
+                        const F& f) {
+  if (query.rays.row_type() == api::NumberType::kF4) {
+    return RayBlocks<float>(query, block_rows, report).ForEach(f);
+  }
+  return RayBlocks<double>(query, block_rows, report).ForEach(f);
+}
 
-core::Status AnswerClosest(const core::Scene& scene, const api::RayTable& rays,
-                           const api::RayOptions& options, const core::TraceOptions& trace,
-                           api::ClosestAnswer* answer) {
-  answer->hits.resize(rays.size());
-  const HitDetails details(*scene.mesh, options, rays.size(), answer);
-  std::vector<core::Hit> hits(std::min(rays.size(), kBlockRays));
-  return ForEachBlock(rays, [&](const auto& block, std::size_t first_row) {
-    const core::RayBatch batch = block.batch();
-    const std::span<core::Hit> block_hits = std::span(hits).first(batch.size());
-    core::Status status = core::TraceClosest(scene, batch, trace, block_hits);
-    if (!status.ok()) return status;
-    core::ParallelFor(0, batch.size(), kGrainRows, [&](std::size_t i, std::size_t last) {
-      for (; i < last; ++i) {
-        answer->hits[first_row + i] = ToApi(block_hits[i]);
-        if (details.wanted()) details.Fill(first_row + i, batch[i], block_hits[i]);
-      }
+/// The queries with one element per row: `trace(batch, elements)` fills a block of Elements, and
+/// put(rays, first row, elements, first, last) gives some of them to the sink.
+template <class Element, class Rows, class Trace, class Put>
+api::Check AnswerRows(const RayQuery& query, api::RowSink<Rows>* sink, api::BatchReport* report,
+                      const Trace& trace, const Put& put) {
+  RawArray<Element> elements(std::min(kBlockRays, query.rays.size()));
+  return ForEachBlock(query, kBlockRays, report, [&](auto rays, std::size_t first_row) {
+    const std::span<Element> block = elements.first(rays.size());
+    const core::Status traced =
+        Timed(&report->trace_ms, [&] { return trace(core::RayBatch(rays), block); });
+    if (!traced.ok()) return ToCheck(traced);
+    return Timed(&report->encode_ms, [&] {
+      if (auto problem = sink->Begin(block.size())) return problem;
+      return ForEachPiece(
+          block.size(), kReadRows, query.trace.cancel, [&](std::size_t first, std::size_t last) {
+            put(core::RayBatch(rays), first_row, std::span<const Element>(block), first, last);
+          });
     });
-    block.ListInvalid(first_row, &answer->invalid);
-    return status;
   });
 }
 
-core::Status AnswerAny(const core::Scene& scene, const api::RayTable& rays,
-                       const core::TraceOptions& trace, api::AnyAnswer* answer) {
-  answer->occluded.resize(rays.size());
-  return ForEachBlock(rays, [&](const auto& block, std::size_t first_row) {
-    const core::RayBatch batch = block.batch();
-    block.ListInvalid(first_row, &answer->invalid);
-    return core::TraceAny(scene, batch, trace,
-                          std::span(answer->occluded).subspan(first_row, batch.size()));
+/// The hits of a block of `all`, given to the sink in pieces.
+class BlockOfAll {
+ public:
+  BlockOfAll(const RayQuery& query, const core::AllHits& all, core::RayBatch rays,
+             std::size_t first_row, std::size_t first_hit)
+      : query_(query), all_(all), rays_(rays), first_row_(first_row), first_hit_(first_hit) {
+    // Pieces end after some rows or some hits.
+    starts_ = {0};
+    for (std::size_t row = 0; row < rays_.size(); ++row) {
+      if (row + 1 - starts_.back() >= kPutRows ||
+          all_.first[row + 1] - all_.first[starts_.back()] >= kPutHits) {
+        starts_.push_back(row + 1);
+      }
+    }
+    if (starts_.back() != rays_.size()) starts_.push_back(rays_.size());
+  }
+
+  api::Check Put(api::RowSink<api::AllRows>* sink) const {
+    if (auto problem = sink->Begin(all_.hits.size())) return problem;
+    return ForEachPiece(starts_.size() - 1, 1, query_.trace.cancel,
+                        [&](std::size_t piece, std::size_t) { PutPiece(piece, sink); });
+  }
+
+ private:
+  void PutPiece(std::size_t piece, api::RowSink<api::AllRows>* sink) const {
+    const std::size_t row = starts_[piece], last = starts_[piece + 1];
+    std::vector<std::uint32_t> counts;
+    std::vector<std::size_t> row_of_hit;
+    for (std::size_t i = row; i < last; ++i) {
+      counts.push_back(static_cast<std::uint32_t>(all_.first[i + 1] - all_.first[i]));
+      row_of_hit.insert(row_of_hit.end(), counts.back(), i);
+    }
+    const std::size_t hit = all_.first[row];
+    HitDetails details(query_.scene, query_.options);
+    const api::Hits hits = details.Fill(std::span(all_.hits).subspan(hit, row_of_hit.size()),
+                                        [&](std::size_t i) { return rays_[row_of_hit[i]]; });
+    sink->Put({.first_row = first_row_ + row,
+               .first_hit = first_hit_ + hit,
+               .counts = counts,
+               .hits = hits});
+  }
+
+  const RayQuery& query_;
+  const core::AllHits& all_;
+  const core::RayBatch rays_;
+  const std::size_t first_row_, first_hit_;
+  std::vector<std::size_t> starts_;  ///< the first row of each piece, and the end
+};
+
+api::Problem TooManyHits(std::uint64_t most_hits) {
+  return {.code = api::ErrorCode::kTooManyHits,
+          .detail = "the answer has more than " + std::to_string(most_hits) +
+                    " hits; send fewer rows, or a smaller max_hits",
+          .limit = static_cast<double>(most_hits)};
+}
+
+}  // namespace
+
+api::Check AnswerClosest(const RayQuery& query, api::RowSink<api::ClosestRows>* sink,
+                         api::BatchReport* report) {
+  return AnswerRows<core::Hit>(
+      query, sink, report,
+      [&](const core::RayBatch& rays, std::span<core::Hit> hits) {
+        return core::TraceClosest(query.scene, rays, query.trace, hits);
+      },
+      [&](const core::RayBatch& rays, std::size_t first_row, std::span<const core::Hit> hits,
+          std::size_t first, std::size_t last) {
+        HitDetails details(query.scene, query.options);
+        for (; first < last; first += kPutRows) {
+          sink->Put({.first_row = first_row + first,
+                     .hits = details.Fill(hits.subspan(first, std::min(kPutRows, last - first)),
+                                          [&](std::size_t i) { return rays[first + i]; })});
+        }
+      });
+}
+
+api::Check AnswerAny(const RayQuery& query, api::RowSink<api::AnyRows>* sink,
+                     api::BatchReport* report) {
+  return AnswerRows<std::uint8_t>(
+      query, sink, report,
+      [&](const core::RayBatch& rays, std::span<std::uint8_t> occluded) {
+        return core::TraceAny(query.scene, rays, query.trace, occluded);
+      },
+      [&](const core::RayBatch&, std::size_t first_row, std::span<const std::uint8_t> occluded,
+          std::size_t first, std::size_t last) {
+        sink->Put(
+            {.first_row = first_row + first, .occluded = occluded.subspan(first, last - first)});
+      });
+}
+
+api::Check AnswerCount(const RayQuery& query, api::RowSink<api::CountRows>* sink,
+                       api::BatchReport* report) {
+  return AnswerRows<std::uint32_t>(
+      query, sink, report,
+      [&](const core::RayBatch& rays, std::span<std::uint32_t> counts) {
+        return core::TraceCount(query.scene, rays, query.trace, counts);
+      },
+      [&](const core::RayBatch&, std::size_t first_row, std::span<const std::uint32_t> counts,
+          std::size_t first, std::size_t last) {
+        sink->Put({.first_row = first_row + first, .counts = counts.subspan(first, last - first)});
+      });
+}
+
+api::Check AnswerAll(const RayQuery& query, std::uint64_t most_hits,
+                     api::RowSink<api::AllRows>* sink, api::BatchReport* report) {
+  const auto max_hits = static_cast<std::size_t>(query.options.max_hits);
+  const std::size_t block_rows = std::clamp(kBlockHits / max_hits, std::size_t{1}, kBlockRays);
+  std::size_t hits_before = 0;
+  return ForEachBlock(query, block_rows, report, [&](auto rays, std::size_t first_row) {
+    const core::RayBatch batch(rays);
+    const core::Result<core::AllHits> all = Timed(&report->trace_ms, [&] {
+      return core::TraceAll(query.scene, batch, query.trace, max_hits,
+                            static_cast<std::size_t>(most_hits) - hits_before);
+    });
+    if (!all.ok()) return api::Check(ToProblem(all.error()));
+    if (all->too_many) return api::Check(TooManyHits(most_hits));
+    for (const std::size_t row : all->truncated) report->truncated.push_back(first_row + row);
+    return Timed(&report->encode_ms, [&] {
+      const BlockOfAll block(query, *all, batch, first_row, hits_before);
+      hits_before += all->hits.size();
+      return block.Put(sink);
+    });
   });
 }
 

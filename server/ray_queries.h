@@ -1,21 +1,38 @@
-// Traces batches of rays: converts the contract's rows, calls core's tracer, and converts the hits.
+// Answers batches of rays: block by block, reads the rows, calls core's tracer, and hands the hits
+// to a sink.
 #pragma once
 
+#include <cstdint>
+
+#include "api/ray_table.h"
+#include "api/row_sink.h"
 #include "api/types.h"
-#include "core/base/result.h"
 #include "core/scene/scene.h"
 #include "core/trace/trace.h"
 
 namespace kdray::server {
 
-/// Fills hits, invalid rows, and normals and points if `options.fields` has them. Runs in the
-/// caller's arena. Errors: kCancelled, kDeadlineExceeded; the answer is then unspecified.
-core::Status AnswerClosest(const core::Scene& scene, const api::RayTable& rays,
-                           const api::RayOptions& options, const core::TraceOptions& trace,
-                           api::ClosestAnswer* answer);
+/// A batch and what is asked of it. References must outlive the call.
+struct RayQuery {
+  const core::Scene& scene;
+  const api::RayTable& rays;
+  const api::RayOptions& options;
+  const core::TraceOptions& trace;
+};
 
-/// As AnswerClosest.
-core::Status AnswerAny(const core::Scene& scene, const api::RayTable& rays,
-                       const core::TraceOptions& trace, api::AnyAnswer* answer);
+// Each hands every row to the sink and fills the report's lists of rows and its times. Runs in the
+// caller's arena. Problems: those of the sink, and deadline_exceeded or draining when
+// `trace.cancel` stops; the answer is then incomplete. Memory: some blocks of rays, whatever the
+// batch's size.
+
+api::Check AnswerClosest(const RayQuery& query, api::RowSink<api::ClosestRows>* sink,
+                         api::BatchReport* report);
+api::Check AnswerAny(const RayQuery& query, api::RowSink<api::AnyRows>* sink,
+                     api::BatchReport* report);
+api::Check AnswerCount(const RayQuery& query, api::RowSink<api::CountRows>* sink,
+                       api::BatchReport* report);
+/// too_many_hits beyond `most_hits` hits of all rows.
+api::Check AnswerAll(const RayQuery& query, std::uint64_t most_hits,
+                     api::RowSink<api::AllRows>* sink, api::BatchReport* report);
 
 }  // namespace kdray::server

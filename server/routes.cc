@@ -33,6 +33,8 @@ constexpr std::array kContract = {
     Route{.path = "/v1/trees/{id}/points/signed-distance", .post = PostPointsSignedDistance},
     Route{.path = "/v1/trees/{id}/points/inside", .post = PostPointsInside},
     Route{.path = "/v1/trees/{id}/visibility", .post = PostVisibility},
+    Route{.path = "/v1/trees/{id}/rays/count", .post = PostRaysCount},
+    Route{.path = "/v1/trees/{id}/rays/all", .post = PostRaysAll},
     Route{.path = "/v1/trees/{id}/render.png", .get = GetRenderPng, .post = PostRenderPng},
     Route{.path = "/v1/trees/{id}/render.npy", .get = GetRenderNpy, .post = PostRenderNpy},
     Route{.path = "/v1/trees/{id}/cells", .get = GetCells},

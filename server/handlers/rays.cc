@@ -1,23 +1,44 @@
 #include "server/handlers/rays.h"
 
+#include <memory>
 #include <string>
 #include <utility>
 
 #include "api/batch_codec.h"
+#include "api/json_text.h"
 #include "api/names.h"
 #include "api/request_codec.h"
 #include "server/handlers/answers.h"
+#include "server/handlers/batch_memory.h"
 #include "server/handlers/computation.h"
 
 namespace kdray::server {
 namespace {
 
-/// The common part of the queries. `trace(tree, rays, cancel)` queries the tree, `encode(answer,
-/// rays, type, should_stop)` makes the bytes.
-template <class Trace, class Encode>
+/// One kind of query: how its answer is written, and the tree's method.
+template <class Rows>
+struct Query {
+  using Writer = api::AnswerWriter<Rows>;
+  std::unique_ptr<Writer> (*make_writer)(const api::RayTable& rays, const api::RayOptions& options,
+                                         api::BatchType type, api::ChargeBytes charge);
+  api::Outcome<api::BatchReport> (LoadedTree::*ask)(const api::RayTable& rays,
+                                                    const api::RayOptions& options,
+                                                    const CancelToken& cancel,
+                                                    api::RowSink<Rows>* sink) const;
+  bool truncates = false;  ///< rows may be cut
+};
+
+constexpr Query<api::ClosestRows> kClosest = {api::WriterOfClosest, &LoadedTree::Closest};
+constexpr Query<api::AnyRows> kAny = {api::WriterOfAny, &LoadedTree::Any};
+constexpr Query<api::CountRows> kCount = {api::WriterOfCount, &LoadedTree::Count};
+constexpr Query<api::AllRows> kAll = {api::WriterOfAll, &LoadedTree::All, true};
+
+template <class Rows>
 api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequest& routed,
-                                       const api::RayOptions& options, const Trace& trace,
-                                       const Encode& encode) {
+                                       const api::Outcome<api::RayOptions>& decoded,
+                                       const Query<Rows>& query) {
+  if (!decoded) return decoded.problem();
+  const api::RayOptions& options = *decoded;
   if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
   auto body = ReadWholeBody(context, routed, context.limits.MaxBatchBytes());
   if (!body) return std::move(body).problem();
@@ -32,30 +53,47 @@ api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequ
                         .parameter = "deadline_ms"};
   const auto computation = BeginComputation(context, routed, TreeUse::kRays, limit);
   if (!computation) return computation.problem();
-  const api::ShouldStop should_stop = [&cancel = computation->cancel] {
-    return cancel.ShouldStop();
-  };
+  const LoadedTree& tree = *computation->tree;
+  BatchMemory memory(std::move(body->share), body->text.size());
+
   const Stopwatch parsing;
-  const auto rays = api::DecodeRays(body->text, *type, options, context.limits, should_stop);
-  if (!rays) return should_stop() ? limit.Explain(computation->WhyStopped()) : rays.problem();
-  body->text = std::string();  // only the rows are needed from here on
+  const api::BatchWork work{
+      .should_stop = [&cancel = computation->cancel] { return cancel.ShouldStop(); },
+      .run = [&tree](
+                 std::size_t count,
+                 const std::function<void(std::size_t)>& piece) { tree.RunPieces(count, piece); },
+      .charge = memory.charge()};
+  const auto rays = api::DecodeRays(body->text, *type, options, context.limits, work);
+  if (!rays) return work.should_stop() ? limit.Explain(computation->WhyStopped()) : rays.problem();
+  if (*type == api::BatchType::kJson) {  // the rows of an array are read where they lie
+    memory.Return(body->text.size());
+    body->text = GrowingBytes();
+  }
   routed.timing.parse_ms = parsing.ms();
 
-  const auto answer = trace(*computation->tree, *rays, computation->cancel);
-  if (!answer) return limit.Explain(answer.problem());
-  routed.timing.trace_ms = answer->trace_ms;
+  const auto writer = query.make_writer(*rays, options, *answer_type, memory.charge());
+  const auto report = (tree.*query.ask)(*rays, options, computation->cancel, writer.get());
+  if (!report) return limit.Explain(report.problem());
+  *routed.timing.parse_ms += report->parse_ms;
+  routed.timing.trace_ms = report->trace_ms;
   routed.rows = rays->size();
 
-  const Stopwatch encoding;
-  std::string bytes = encode(*answer, *rays, *answer_type, should_stop);
-  if (bytes.empty()) return limit.Explain(computation->WhyStopped());
+  const Stopwatch finishing;
+  auto pieces = std::move(*writer).Finish(*report);
+  if (!pieces) return std::move(pieces).problem();
   HttpResponse response;
-  response.body = std::move(bytes);
-  routed.timing.encode_ms = encoding.ms();
+  std::uint64_t bytes = 0;
+  for (const api::ByteBlock& piece : *pieces) bytes += piece.size();
+  response.body = HttpBody(*std::move(pieces), std::move(memory).Keep(bytes));
+  routed.timing.encode_ms = report->encode_ms + finishing.ms();
   response.headers.Add("Content-Type", api::ContentType(*answer_type));
   response.headers.Add("Vary", "Accept");
-  response.headers.Add("Kdray-Precision", api::Name(answer->precision));
-  response.headers.Add("Kdray-Invalid", std::to_string(answer->invalid.size()));
+  response.headers.Add("Kdray-Precision", api::Name(report->precision));
+  response.headers.Add("Kdray-Invalid", std::to_string(report->invalid.size()));
+  if (query.truncates) {
+    response.headers.Add("Kdray-Truncated", std::to_string(report->truncated.size()));
+  }
+  if (report->offset) response.headers.Add("Kdray-Offset", api::NumberText(*report->offset));
   SetCaching(response, context, Caching::kNever);
   return response;
 }
@@ -63,31 +101,23 @@ api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequ
 }  // namespace
 
 api::Outcome<HttpResponse> PostRaysClosest(const HandlerContext& context, RoutedRequest& routed) {
-  const auto options = api::DecodeClosestOptions(routed.http.query_string, context.limits);
-  if (!options) return options.problem();
-  return AnswerBatch(
-      context, routed, *options,
-      [&](const LoadedTree& tree, const api::RayTable& rays, const CancelToken& cancel) {
-        return tree.Closest(rays, *options, cancel);
-      },
-      [&](const api::ClosestAnswer& answer, const api::RayTable& rays, api::BatchType type,
-          const api::ShouldStop& should_stop) {
-        return api::EncodeClosest(answer, rays, *options, type, should_stop);
-      });
+  return AnswerBatch(context, routed,
+                     api::DecodeClosestOptions(routed.http.query_string, context.limits), kClosest);
 }
 
 api::Outcome<HttpResponse> PostRaysAny(const HandlerContext& context, RoutedRequest& routed) {
-  const auto options = api::DecodeAnyOptions(routed.http.query_string, context.limits);
-  if (!options) return options.problem();
-  return AnswerBatch(
-      context, routed, *options,
-      [&](const LoadedTree& tree, const api::RayTable& rays, const CancelToken& cancel) {
-        return tree.Any(rays, *options, cancel);
-      },
-      [](const api::AnyAnswer& answer, const api::RayTable& rays, api::BatchType type,
-         const api::ShouldStop& should_stop) {
-        return api::EncodeAny(answer, rays, type, should_stop);
-      });
+  return AnswerBatch(context, routed,
+                     api::DecodeAnyOptions(routed.http.query_string, context.limits), kAny);
+}
+
+api::Outcome<HttpResponse> PostRaysCount(const HandlerContext& context, RoutedRequest& routed) {
+  return AnswerBatch(context, routed,
+                     api::DecodeCountOptions(routed.http.query_string, context.limits), kCount);
+}
+
+api::Outcome<HttpResponse> PostRaysAll(const HandlerContext& context, RoutedRequest& routed) {
+  return AnswerBatch(context, routed,
+                     api::DecodeAllOptions(routed.http.query_string, context.limits), kAll);
 }
 
 }  // namespace kdray::server

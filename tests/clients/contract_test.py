@@ -188,10 +188,11 @@ class Walk(ContractTest):
         self.walk(trees + "/{id}/mesh", "get", [
             (200, at + "/mesh"), (304, at + "/mesh", None, {"If-None-Match": f'"{tree[:64]}"'}), (404, nowhere + "/mesh")])
 
-        for query in ("closest", "any"):
+        for query in ("closest", "any", "count", "all"):
             rays = at + "/rays/" + query
             self.walk(f"/v1/trees/{{id}}/rays/{query}", "post", [
                 (200, rays, RAYS), (200, rays, array.getvalue()), (200, rays + "?t_min=-1e+3", RAYS),
+                (200, rays + "?t_min=auto&t_max=auto&cull=back", RAYS),
                 (400, rays, b"{"), (400, rays + "?x=1", RAYS),
                 (404, f"{nowhere}/rays/{query}", RAYS), (406, rays, RAYS, {"Accept": "text/html"}),
                 (413, f"{small}/rays/{query}", RAYS, {}, self.narrow), (415, rays, RAYS, text)])
@@ -325,11 +326,14 @@ class Help(ContractTest):
             self.check_field(name, options[name], self.contract.resolve(schema))
 
     def test_the_command_asks_rays_as_the_contract_does(self):
-        operation = self.contract.document["paths"]["/v1/trees/{id}/rays/closest"]["post"]
-        fields = {field["name"]: self.contract.resolve(field["schema"])
-                  for field in map(self.contract.resolve, operation["parameters"])}
+        fields, queries = {}, set()
+        for path, item in self.contract.document["paths"].items():
+            if "/rays/" in path:
+                queries.add(path.rsplit("/", 1)[1])
+                for field in map(self.contract.resolve, item["post"]["parameters"]):
+                    fields[field["name"]] = self.contract.resolve(field["schema"])
         options = self.options(KDRAY, "rays")
-        general = set(self.options(KDRAY)) | {"output", "help", "any"}
+        general = set(self.options(KDRAY)) | {"output", "help"} | queries - {"closest"}
         self.assertEqual(set(options) - general, set(fields))
         for name, schema in fields.items():
             self.check_field(name, options[name], schema)

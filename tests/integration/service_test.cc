@@ -137,6 +137,36 @@ TEST_F(ServiceOverHttp, AnswersRaysInJson) {
             json({true, false}));
 }
 
+TEST_F(ServiceOverHttp, CountsAndListsHits) {
+  const RawAnswer count = running_.Ask("POST", Tree("/rays/count"), kRays);
+  EXPECT_EQ(Json(count), json::parse(R"({"results":[1,0],"invalid":[],"truncated":[]})"));
+  EXPECT_EQ(count.Header("kdray-precision"), "exact");
+  EXPECT_EQ(count.headers.count("kdray-truncated"), 0U) << "no row of it can be cut";
+  EXPECT_EQ(count.headers.count("kdray-offset"), 0U);
+
+  const RawAnswer all = running_.Ask("POST", Tree("/rays/all?fields=triangle,side"), kRays);
+  EXPECT_EQ(Json(all).at("results"),
+            json::parse(R"([[{"triangle":0,"side":1},{"triangle":1,"side":1}],[]])"));
+  EXPECT_EQ(all.Header("kdray-truncated"), "0");
+  const RawAnswer cut =
+      running_.Ask("POST", Tree("/rays/all?fields=t&max_hits=1&t_min=auto"), kRays);
+  EXPECT_EQ(Json(cut), json::parse(R"({"results":[[{"t":1}],[]],"invalid":[],"truncated":[0]})"));
+  EXPECT_EQ(cut.Header("kdray-truncated"), "1");
+  EXPECT_EQ(cut.Header("kdray-offset"), "0.25");
+
+  const RawAnswer npy =
+      running_.Ask("POST", Tree("/rays/all?fields=t"), NpyRays({0, 0, 1, 0, 0, -1}));
+  EXPECT_THAT(npy.body, HasSubstr("[('ray', '<i4'), ('t', '<f4')]"));
+  EXPECT_THAT(npy.body, HasSubstr("'shape': (2,)"));
+}
+
+TEST_F(ServiceOverHttp, HoldsTheMemoryOfAnAnswerUntilItIsSent) {
+  const std::string rays = NpyRays(std::vector<float>(6 * 100'000, 1));
+  EXPECT_EQ(running_.Ask("POST", Tree("/rays/closest?dtype=f8&fields=t,normal,point"), rays).status,
+            200);
+  EXPECT_TRUE(test::WaitUntil([&] { return running_.service().request_memory_used() == 0; }));
+}
+
 TEST_F(ServiceOverHttp, AnswersRaysInNpyAndCrosswise) {
   const std::string npy = NpyRays({0, 0, 1, 0, 0, -1});
   const RawAnswer same = running_.Ask("POST", Tree("/rays/any"), npy);

@@ -180,34 +180,72 @@ class FakeBackend final : public server::Backend {
    public:
     explicit Plane(FakeBackend& backend) : backend_(backend) {}
 
-    api::Outcome<api::ClosestAnswer> Closest(const api::RayTable& rays, const api::RayOptions&,
-                                             const server::CancelToken& cancel) const override {
+    api::Outcome<api::BatchReport> Closest(const api::RayTable& rays,
+                                           const api::RayOptions& options,
+                                           const server::CancelToken& cancel,
+                                           api::RowSink<api::ClosestRows>* sink) const override {
       if (auto problem = backend_.Work(cancel)) return *std::move(problem);
-      api::ClosestAnswer answer;
-      answer.precision = api::Precision::kWatertight;
-      answer.trace_ms = 0.5;
       constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
       constexpr double kInfinity = std::numeric_limits<double>::infinity();
-      for (const auto& [t, valid] : Planes(rays)) {
-        if (!valid) answer.invalid.push_back(answer.hits.size());
-        const bool hit = valid && t >= 0;
-        answer.hits.push_back({!valid ? kNan : hit ? t : kInfinity, 0, 0, hit ? 0 : -1});
-        answer.normals.push_back({0, 0, 1});
-        answer.points.push_back({0, 0, 0});
+      api::BatchReport report = Report(options, api::Precision::kWatertight);
+      std::vector<api::RayHit> hits;
+      for (const auto& [t, valid] : Planes(rays, &report)) {
+        hits.push_back({!valid ? kNan : t >= 0 ? t : kInfinity, 0, 0, t >= 0 ? 0 : -1});
       }
-      return answer;
+      const Details details(hits.size());
+      if (auto problem = sink->Begin(hits.size())) return *std::move(problem);
+      sink->Put({.first_row = 0, .hits = details.Of(hits)});
+      return report;
     }
 
-    api::Outcome<api::AnyAnswer> Any(const api::RayTable& rays, const api::RayOptions&,
-                                     const server::CancelToken& cancel) const override {
+    api::Outcome<api::BatchReport> Any(const api::RayTable& rays, const api::RayOptions& options,
+                                       const server::CancelToken& cancel,
+                                       api::RowSink<api::AnyRows>* sink) const override {
       if (auto problem = backend_.Work(cancel)) return *std::move(problem);
-      api::AnyAnswer answer;
-      answer.precision = api::Precision::kWatertight;
-      for (const auto& [t, valid] : Planes(rays)) {
-        if (!valid) answer.invalid.push_back(answer.occluded.size());
-        answer.occluded.push_back(valid && t >= 0 ? 1 : 0);
+      api::BatchReport report = Report(options, api::Precision::kWatertight);
+      std::vector<std::uint8_t> occluded;
+      for (const auto& plane : Planes(rays, &report)) occluded.push_back(plane.first >= 0 ? 1 : 0);
+      if (auto problem = sink->Begin(occluded.size())) return *std::move(problem);
+      sink->Put({.first_row = 0, .occluded = occluded});
+      return report;
+    }
+
+    api::Outcome<api::BatchReport> Count(const api::RayTable& rays, const api::RayOptions& options,
+                                         const server::CancelToken& cancel,
+                                         api::RowSink<api::CountRows>* sink) const override {
+      if (auto problem = backend_.Work(cancel)) return *std::move(problem);
+      api::BatchReport report = Report(options, api::Precision::kExact);
+      std::vector<std::uint32_t> counts;
+      for (const auto& plane : Planes(rays, &report)) counts.push_back(plane.first >= 0 ? 1 : 0);
+      if (auto problem = sink->Begin(counts.size())) return *std::move(problem);
+      sink->Put({.first_row = 0, .counts = counts});
+      return report;
+    }
+
+    /// Every hit is there twice, and the second is cut off if max_hits is 1.
+    api::Outcome<api::BatchReport> All(const api::RayTable& rays, const api::RayOptions& options,
+                                       const server::CancelToken& cancel,
+                                       api::RowSink<api::AllRows>* sink) const override {
+      if (auto problem = backend_.Work(cancel)) return *std::move(problem);
+      api::BatchReport report = Report(options, api::Precision::kExact);
+      std::vector<api::RayHit> hits;
+      std::vector<std::uint32_t> counts;
+      for (const auto& plane : Planes(rays, &report)) {
+        counts.push_back(plane.first < 0 ? 0 : options.max_hits == 1 ? 1 : 2);
+        if (counts.back() == 1) report.truncated.push_back(counts.size() - 1);
+        for (std::uint32_t i = 0; i < counts.back(); ++i) {
+          hits.push_back({plane.first, 0, 0, std::int64_t{i}});
+        }
       }
-      return answer;
+      const Details details(hits.size());
+      if (auto problem = sink->Begin(hits.size())) return *std::move(problem);
+      sink->Put({.first_row = 0, .first_hit = 0, .counts = counts, .hits = details.Of(hits)});
+      return report;
+    }
+
+    void RunPieces(std::size_t count,
+                   const std::function<void(std::size_t)>& piece) const override {
+      for (std::size_t i = 0; i < count; ++i) piece(i);
     }
 
     api::Outcome<api::PointReport> ClosestPoints(
@@ -295,19 +333,49 @@ class FakeBackend final : public server::Backend {
     }
 
    private:
-    /// Distance to z = 0 along each ray (negative: none), and whether the ray is one.
-    static std::vector<std::pair<double, bool>> Planes(const api::RayTable& rays) {
+    static api::BatchReport Report(const api::RayOptions& options, api::Precision precision) {
+      api::BatchReport report;
+      report.precision = precision;
+      report.trace_ms = 0.5;
+      if (options.auto_t_min || options.auto_t_max) report.offset = 0.25;
+      return report;
+    }
+
+    /// The details of hits on z = 0.
+    class Details {
+     public:
+      explicit Details(std::size_t count)
+          : normals_(count, {0, 0, 1}), points_(count), sides_(count, 1) {}
+      api::Hits Of(const std::vector<api::RayHit>& hits) const {
+        return {.hits = hits, .normals = normals_, .points = points_, .sides = sides_};
+      }
+
+     private:
+      std::vector<api::Vec3> normals_, points_;
+      std::vector<std::int8_t> sides_;
+    };
+
+    /// Distance to z = 0 along each ray (negative: none), and whether the ray is one. Lists invalid
+    /// rows.
+    static std::vector<std::pair<double, bool>> Planes(const api::RayTable& rays,
+                                                       api::BatchReport* report) {
       std::vector<std::pair<double, bool>> planes;
-      std::visit(
-          [&planes](const auto& rows) {
-            for (const auto& row : rows) {
-              const auto oz = static_cast<double>(row.oz), dz = static_cast<double>(row.dz);
-              const bool valid =
-                  std::isfinite(oz) && std::isfinite(dz) && (row.dx != 0 || row.dy != 0 || dz != 0);
-              planes.emplace_back(dz == 0 ? -1 : -oz / dz, valid);
-            }
-          },
-          rays.rows);
+      for (std::size_t row = 0; row < rays.size(); ++row) {
+        std::array<double, api::kRayNumbers> n{};
+        if (rays.row_type() == api::NumberType::kF4) {
+          std::array<float, api::kRayNumbers> narrow{};
+          rays.Read(row, narrow);
+          std::copy(narrow.begin(), narrow.end(), n.begin());
+        } else {
+          rays.Read(row, n);
+        }
+        const double oz = n[2], dz = n[6];
+        const bool valid =
+            std::isfinite(oz) && std::isfinite(dz) && (n[4] != 0 || n[5] != 0 || dz != 0);
+        if (!valid) report->invalid.push_back(row);
+        const double t = -oz / dz;
+        planes.emplace_back(valid && t >= 0 && std::isfinite(t) ? t : -1, valid);
+      }
       return planes;
     }
 

@@ -17,10 +17,13 @@ namespace {
 constexpr std::array kFields = {
     Field{"precision", "NAME", kPrecisionHelp},
     Field{"fields", "NAMES",
-          "t, triangle, u, v, normal or point of a hit, comma-separated: t,triangle,u,v when left "
-          "out"},
-    Field{"t_min", "T", "Nearest t that counts: 0 when left out"},
-    Field{"t_max", "T", "Farthest t that counts"},
+          "t, triangle, u, v, normal, point or side of a hit, comma-separated: t,triangle,u,v when "
+          "left out"},
+    Field{"max_hits", "N", "Hits of a ray with --all, at most, the nearest: 64 when left out"},
+    Field{"t_min", "T",
+          "Nearest t that counts, or auto for rays that begin on the mesh: 0 when left out"},
+    Field{"t_max", "T", "Farthest t that counts, or auto for segments that end on the mesh"},
+    Field{"cull", "NAME", "none, back or front: sides that are no hits; none when left out"},
     Field{"dtype", "NAME", "f4 or f8: the answer's numbers; those of the rays when left out"},
     Field{"deadline_ms", "MS", "Give up after that time: 30000 when left out"},
 };
@@ -29,7 +32,7 @@ struct Options {
   std::string tree;
   std::string rays;
   std::string output;
-  bool any = false;
+  bool any = false, count = false, all = false;
   std::array<std::string, kFields.size()> values;
 };
 
@@ -56,6 +59,13 @@ std::string DescribeRays(const LocalFile& rays) {
   return CountText(header.ElementCount() / columns) + " rays";
 }
 
+std::string QueryOf(const Options& options) {
+  if (options.any + options.count + options.all > 1) {
+    throw UsageError("--any, --count and --all exclude each other");
+  }
+  return options.any ? "any" : options.count ? "count" : options.all ? "all" : "closest";
+}
+
 void QueryRays(const Options& options, Session& session) {
   const bool is_json = options.output.ends_with(".json");
   const LocalFile rays(options.rays);
@@ -67,7 +77,7 @@ void QueryRays(const Options& options, Session& session) {
   OutputFile file(options.output, session.console());
   Client client = session.Connect();
   const std::string id = session.TreeIdFor(client, options.tree);
-  const Answer answer = client.QueryRays(id, options.any ? "any" : "closest", parameters, rays,
+  const Answer answer = client.QueryRays(id, QueryOf(options), parameters, rays,
                                          is_json ? "application/json" : "application/x-npy");
   file.Write(answer.body);
   file.Commit();
@@ -98,7 +108,13 @@ Subcommand RaysCommand(Session& session) {
                    .required = true},
                   {.name = "--any",
                    .help = "Only whether something is hit, which is quicker",
-                   .value = &options->any}},
+                   .value = &options->any},
+                  {.name = "--count",
+                   .help = "Only how many triangles are hit; odd from inside a closed mesh",
+                   .value = &options->count},
+                  {.name = "--all",
+                   .help = "All hits; .npy: one list, with the number of the ray",
+                   .value = &options->all}},
       .run = [options, &session] { QueryRays(*options, session); }};
   for (std::size_t i = 0; i < kFields.size(); ++i)
     command.options.push_back(FieldOption(kFields[i], &options->values[i]));

@@ -12,7 +12,9 @@
 #include <string>
 
 #include "api/npy.h"
+#include "tests/support/ray_rows.h"
 #include "tests/support/seed.h"
+#include "tests/unit/api/answers.h"
 #include "tests/unit/api/npy_bytes.h"
 
 namespace kdray::api {
@@ -24,28 +26,27 @@ using testing::StartsWith;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr float kNaNf = std::numeric_limits<float>::quiet_NaN();
 const Limits kLimits;
 
 /// Rows: a hit, a miss, an invalid row.
 ClosestAnswer Answer() {
   ClosestAnswer answer;
   answer.hits = {{0.1, 0.25, 1.0 / 3, 7}, {kInfinity, 0, 0, -1}, {kNaN, 0, 0, -1}};
-  answer.normals = {{0, 0.6f, -0.8f}, {kNaNf, kNaNf, kNaNf}, {kNaNf, kNaNf, kNaNf}};
+  answer.normals = {{0, 0.6, -0.8}, {kNaN, kNaN, kNaN}, {kNaN, kNaN, kNaN}};
   answer.points = {{0.1, -2, 1e300}, {kNaN, kNaN, kNaN}, {kNaN, kNaN, kNaN}};
   answer.invalid = {2};
   return answer;
 }
 
+/// The table of a JSON batch.
 RayTable JsonRays(std::size_t rows) {
-  return {{rows}, std::vector<RayRow<double>>(rows), NumberType::kF8};
+  return RayTable(std::make_unique<double[]>(rows * kRayNumbers), rows);
 }
 
 std::string Encode(const ClosestAnswer& answer, std::vector<RayField> fields, BatchType type,
                    std::optional<NumberType> dtype = std::nullopt,
                    std::vector<std::size_t> shape = {3}) {
-  RayTable rays = JsonRays(answer.hits.size());
-  rays.shape = std::move(shape);
+  const RayTable rays = RaysOfShape(std::move(shape));
   RayOptions options;
   options.fields = std::move(fields);
   options.dtype = dtype;
@@ -62,7 +63,7 @@ TEST(ClosestAsJson, HasTheFieldsInTheOrderAsked) {
             R"({"results":[{"triangle":7},null,null],"invalid":[2],"truncated":[]})");
   EXPECT_THAT(Encode(Answer(), {kPoint, kNormal}, BatchType::kJson, NumberType::kF8),
               StartsWith(R"({"results":[{"point":[0.1,-2,1e+300],)"
-                         R"("normal":[0,0.6000000238418579,-0.800000011920929]},null)"));
+                         R"("normal":[0,0.6,-0.8]},null)"));
 }
 
 TEST(ClosestAsJson, WritesFloatsInTheirShortestText) {
@@ -89,7 +90,7 @@ TEST(ClosestAnswers, KeepAHitFiniteWhenFloatCannotHoldIt) {
 TEST(ClosestAnswers, HaveFiniteHitsAndNoNegativeZeroInEitherForm) {
   ClosestAnswer answer;
   answer.hits = {{kInfinity, -0.0, -0.0, 1}, {-0.0, 0, -1e-300, 1}, {kInfinity, 0, 0, -1}};
-  answer.normals = {{-0.0f, 1, -0.0f}, {-0.0f, -1, 0}, {kNaNf, kNaNf, kNaNf}};
+  answer.normals = {{-0.0, 1, -0.0}, {-0.0, -1, 0}, {kNaN, kNaN, kNaN}};
   answer.points = {{-0.0, -1e-300, 1e300}, {0, 0, 0}, {kNaN, kNaN, kNaN}};
   const std::vector<RayField> fields = {kT, kU, kV, kNormal, kPoint};
   for (const NumberType type : {NumberType::kF4, NumberType::kF8}) {
@@ -175,8 +176,11 @@ TEST(ClosestAsNpy, KeepsTheLeadingShape) {
 TEST(ClosestAnswers, TakeTheTypeOfTheRequestUnlessDtypeNamesOne) {
   ClosestAnswer answer;
   answer.hits = {{1, 0, 0, 0}};
-  const RayTable narrow{{1}, std::vector<RayRow<float>>(1)};
-  const RayTable widened{{1}, std::vector<RayRow<double>>(1), NumberType::kF4};
+  const std::string zeros(6 * sizeof(float), '\0');
+  const RayTable narrow = RaysOfShape({1}, NumberType::kF4);
+  const RayTable widened =
+      *RayTable::FromNpy({NumberType::kF4, false, {1, 6}, zeros}, 1e-3, kInfinity, 1);
+  EXPECT_EQ(widened.row_type(), NumberType::kF8);
   RayOptions options;
   options.fields = {kT};
   EXPECT_THAT(EncodeClosest(answer, narrow, options, BatchType::kNpy), HasSubstr("'<f4'"));
@@ -189,14 +193,82 @@ TEST(ClosestAnswers, TakeTheTypeOfTheRequestUnlessDtypeNamesOne) {
 }
 
 TEST(AnyAnswers, AreBooleans) {
-  AnyAnswer answer;
-  answer.occluded = {1, 0, 1};
-  answer.invalid = {1};
-  EXPECT_EQ(EncodeAny(answer, JsonRays(3), BatchType::kJson),
+  EXPECT_EQ(EncodeAny({1, 0, 1}, {1}, JsonRays(3), BatchType::kJson),
             R"({"results":[true,false,true],"invalid":[1],"truncated":[]})");
-  const std::string npy = EncodeAny(answer, JsonRays(3), BatchType::kNpy);
+  const std::string npy = EncodeAny({1, 0, 1}, {1}, JsonRays(3), BatchType::kNpy);
   EXPECT_THAT(npy, HasSubstr("{'descr': '|b1', 'fortran_order': False, 'shape': (3,), }"));
   EXPECT_THAT(npy, testing::EndsWith(std::string("\n\1\0\1", 4)));
+}
+
+TEST(Counts, AreNumbersOfTheRequestedSize) {
+  EXPECT_EQ(EncodeCount({2, 0, 4294967295}, {1}, JsonRays(3), BatchType::kJson),
+            R"({"results":[2,0,4294967295],"invalid":[1],"truncated":[]})");
+  const std::string wide = EncodeCount({2, 0}, {}, JsonRays(2), BatchType::kNpy);
+  EXPECT_THAT(wide, HasSubstr("{'descr': '<u8', 'fortran_order': False, 'shape': (2,), }"));
+  EXPECT_THAT(wide, testing::EndsWith(Bytes(std::vector<std::uint64_t>{2, 0})));
+  RayOptions options;
+  options.dtype = NumberType::kF4;
+  EXPECT_THAT(EncodeCount({7}, {}, JsonRays(1), BatchType::kNpy, options),
+              testing::EndsWith(Bytes(std::vector<std::uint32_t>{7})));
+}
+
+TEST(AllHits, AreAListPerRowInJsonAndOneListInNpy) {
+  const std::vector<std::vector<RayHit>> hits = {
+      {{1, 0.5, 0.25, 3}, {2, 0, 0, 4}}, {}, {{-0.0, 0, 1, 5}}, {}};
+  RayOptions options;
+  options.fields = {kT, kTriangle, kSide};
+  BatchReport report;
+  report.invalid = {3};
+  report.truncated = {0, 2};
+  EXPECT_EQ(EncodeAll(hits, report, JsonRays(4), BatchType::kJson, options),
+            R"({"results":[[{"t":1,"triangle":3,"side":-1},{"t":2,"triangle":4,"side":-1}],[],)"
+            R"([{"t":0,"triangle":5,"side":-1}],[]],"invalid":[3],"truncated":[0,2]})");
+  options.dtype = NumberType::kF4;
+  const std::string npy = EncodeAll(hits, report, RaysOfShape({2, 2}), BatchType::kNpy, options);
+  EXPECT_THAT(npy, HasSubstr("[('ray', '<i4'), ('t', '<f4'), ('triangle', '<i4'), "
+                             "('side', '<i4')], 'fortran_order': False, 'shape': (3,), }"));
+  const auto row = [](std::int32_t ray, float t, std::int32_t triangle) {
+    return Bytes(std::vector<std::int32_t>{ray}) + Bytes(std::vector<float>{t}) +
+           Bytes(std::vector<std::int32_t>{triangle, -1});
+  };
+  EXPECT_THAT(npy, testing::EndsWith(row(0, 1, 3) + row(0, 2, 4) + row(2, 0, 5)));
+}
+
+TEST(ClosestAnswers, AreTheSameBytesHoweverTheyArrive) {
+  ClosestAnswer answer;
+  for (int i = 0; i < 10'000; ++i) {
+    answer.hits.push_back(i % 5 == 0 ? RayHit{kInfinity, 0, 0, -1} : RayHit{i * 0.1, 0.25, 0.5, i});
+  }
+  for (const BatchType type : {BatchType::kJson, BatchType::kNpy}) {
+    const RayTable rays = RaysOfShape({100, 100});
+    const std::string whole = EncodeClosest(answer, rays, {}, type);
+    EXPECT_EQ(EncodeClosest(answer, rays, {}, type, 777), whole);
+    EXPECT_EQ(EncodeClosest(answer, rays, {}, type, 1), whole);
+  }
+}
+
+TEST(Answers, EndWithTheProblemOfTheirMemory) {
+  for (const BatchType type : {BatchType::kJson, BatchType::kNpy}) {
+    std::uint64_t left = 100'000;
+    const auto charge = [&left](std::uint64_t bytes) -> Check {
+      if (bytes > left) return Problem{ErrorCode::kMemoryFull, "there is no more"};
+      left -= bytes;
+      return std::nullopt;
+    };
+    const RayTable rays = RaysOfShape({10'000});
+    const auto writer = WriterOfClosest(rays, {}, type, charge);
+    const std::vector<RayHit> hits(1000, RayHit{0.1, 0.2, 0.3, 4});
+    Check problem;
+    for (std::size_t first = 0; first < 10'000 && !problem; first += hits.size()) {
+      problem = writer->Begin(hits.size());
+      if (problem) break;
+      writer->Put(
+          {.first_row = first, .hits = {.hits = hits, .normals = {}, .points = {}, .sides = {}}});
+    }
+    ASSERT_TRUE(problem);
+    EXPECT_EQ(problem->code, ErrorCode::kMemoryFull);
+    EXPECT_FALSE(std::move(*writer).Finish({}));
+  }
 }
 
 TEST(Images, AreArraysInCOrder) {
@@ -220,9 +292,9 @@ TEST(Batches, AreReadWithTheOptionsThatFillThem) {
   const auto from_json = DecodeRays("{\"rays\":[[0,1,2,3,4,5],[0,1,2,3,4,5,6,7]]}",
                                     BatchType::kJson, options, kLimits);
   ASSERT_TRUE(from_json);
-  EXPECT_THAT(from_json->shape, testing::ElementsAre(2));
+  EXPECT_THAT(from_json->shape(), testing::ElementsAre(2));
   EXPECT_EQ(from_json->number_type(), NumberType::kF8);
-  const auto& rows = std::get<std::vector<RayRow<double>>>(from_json->rows);
+  const auto rows = test::RowsOf(*from_json);
   EXPECT_EQ(rows[0].t_min, 0.5);
   EXPECT_EQ(rows[0].t_max, 2);
   EXPECT_EQ(rows[1].t_min, 6);
@@ -232,7 +304,7 @@ TEST(Batches, AreReadWithTheOptionsThatFillThem) {
       NpyFile("{'descr': '<f4', 'fortran_order': False, 'shape': (6,)}", Bytes(Counted<float>(6)));
   const auto from_npy = DecodeRays(npy, BatchType::kNpy, options, kLimits);
   ASSERT_TRUE(from_npy);
-  EXPECT_EQ(std::get<std::vector<RayRow<float>>>(from_npy->rows)[0].t_max, 2);
+  EXPECT_EQ(test::RowsOf(*from_npy)[0].t_max, 2);
   EXPECT_EQ(DecodeRays(npy, BatchType::kJson, options, kLimits).problem().code,
             ErrorCode::kInvalidJson);
   EXPECT_EQ(DecodeRays("{}", BatchType::kNpy, options, kLimits).problem().code,
@@ -331,8 +403,7 @@ TEST(Batches, Of200000RaysAreReadAndAnsweredInNoTime) {
   RayTable from_npy, from_json;
   timed("npy_decode", 200, [&] { from_npy = *DecodeRays(npy, BatchType::kNpy, {}, kLimits); });
   timed("json_decode", 4000, [&] { from_json = *DecodeRays(text, BatchType::kJson, {}, kLimits); });
-  const auto& a = std::get<std::vector<RayRow<double>>>(from_npy.rows);
-  const auto& b = std::get<std::vector<RayRow<double>>>(from_json.rows);
+  const auto a = test::RowsOf(from_npy), b = test::RowsOf(from_json);
   ASSERT_EQ(a.size(), b.size());
   EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(a[0])), 0);
 

@@ -3,14 +3,21 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <charconv>
 #include <chrono>
 #include <cmath>
 #include <cstring>
+#include <functional>
 #include <limits>
+#include <optional>
 #include <random>
 #include <string>
+#include <thread>
+#include <vector>
 
+#include "api/json_rows.h"
+#include "tests/support/ray_rows.h"
 #include "tests/support/seed.h"
 
 namespace kdray::api {
@@ -20,14 +27,18 @@ using testing::HasSubstr;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-Outcome<std::vector<RayRow<double>>> Read(std::string_view json, std::uint64_t max_rows = 100) {
-  return ReadRayRows(json, 0.25, kInfinity, max_rows);
+using Rows = std::vector<test::RayRow<double>>;
+
+Outcome<Rows> Read(std::string_view json, std::uint64_t max_rows = 100) {
+  const Outcome<RayTable> table = ReadRayRows(json, 0.25, kInfinity, max_rows);
+  if (!table) return table.problem();
+  return test::RowsOf(*table);
 }
 
 /// The first number of a batch of one row.
 Outcome<double> ReadNumber(const std::string& number) {
-  Outcome<std::vector<RayRow<double>>> rows = Read("{\"rays\":[[" + number + ",0,0,0,0,1]]}");
-  if (!rows) return std::move(rows).problem();
+  const Outcome<Rows> rows = Read("{\"rays\":[[" + number + ",0,0,0,0,1]]}");
+  if (!rows) return rows.problem();
   return (*rows)[0].ox;
 }
 
@@ -97,10 +108,147 @@ TEST(RayRowsFromJson, ReadsTheShortestTextOfAnyDoubleBack) {
   const auto rows = Read(json, 20000);
   ASSERT_TRUE(rows) << rows.problem().detail;
   for (std::size_t i = 0; i < rows->size(); ++i) {
-    const RayRow<double>& row = (*rows)[i];
+    const test::RayRow<double>& row = (*rows)[i];
     const double read[6] = {row.ox, row.oy, row.oz, row.dx, row.dy, row.dz};
     ASSERT_EQ(std::memcmp(read, &numbers[6 * i], sizeof(read)), 0) << "row " << i;
   }
+}
+
+/// The rows by the fast reader; nullopt if it leaves the text to the other.
+std::optional<Rows> ReadPlain(std::string_view json, const BatchWork& work = {}) {
+  const auto table = ReadPlainRays(json, 0.25, kInfinity, 1 << 20, work);
+  EXPECT_TRUE(table);
+  if (!table || !*table) return std::nullopt;
+  return test::RowsOf(**table);
+}
+/// The same text for the slow reader alone: the fast one does not take an escaped key.
+std::string ForTheSlowReader(std::string json) {
+  const std::size_t key = json.find("\"rays\"");
+  return key == std::string::npos ? json : json.replace(key, 6, "\"r\\u0061ys\"");
+}
+bool SameBits(const Rows& a, const Rows& b) {
+  return a.size() == b.size() &&
+         (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(a[0])) == 0);
+}
+
+TEST(PlainRays, AreTheFormsThatProgramsWrite) {
+  for (const char* text :
+       {"{\"rays\":[[1,2,3,4,5,6]]}", "{\"rays\": [[1.0, 2.5e-05, -3, 4, 5, 6, 0.0, null]]}",
+        "{\n  \"rays\": [\n    [\n      1,\n      2,\n      3,\n      4,\n      5,\n      6\n    "
+        "]\n  ]\n}\n",
+        " { \"rays\" : [ ] } ",
+        "{\"rays\":[[0,-0.0,1E+5,4e0,1e-400,6 ] ,\t[1,2,3,4,5,6,7,8]]}\r\n"}) {
+    const auto rows = ReadPlain(text);
+    ASSERT_TRUE(rows) << text;
+    const auto slow = Read(ForTheSlowReader(text));
+    ASSERT_TRUE(slow) << text;
+    EXPECT_TRUE(SameBits(*rows, *slow)) << text;
+  }
+}
+
+TEST(PlainRays, LeaveEverythingElseToTheOtherReader) {
+  const std::string blanks(5000, ' '), digits(2000, '1');
+  for (const std::string& text :
+       {std::string(),
+        std::string("{"),
+        std::string("[[1,2,3,4,5,6]]"),
+        std::string("{\"rays\":[}"),
+        std::string("{\"rays\":[]]}"),
+        std::string("{\"rays\":[[1,2,3,4,5,6]}"),
+        std::string("{\"rays\":[[1,2,3,4,5,6],]}"),
+        std::string("{\"rays\":[,[1,2,3,4,5,6]]}"),
+        std::string("{\"rays\":[[1,2,3,4,5]]}"),
+        std::string("{\"rays\":[[1,2,3,4,5,6,7]]}"),
+        std::string("{\"rays\":[[1,2,3,4,5,6,7,8,9]]}"),
+        std::string("{\"rays\":[[01,2,3,4,5,6]]}"),
+        std::string("{\"rays\":[[1.,2,3,4,5,6]]}"),
+        std::string("{\"rays\":[[.5,2,3,4,5,6]]}"),
+        std::string("{\"rays\":[[+1,2,3,4,5,6]]}"),
+        std::string("{\"rays\":[[1e,2,3,4,5,6]]}"),
+        std::string("{\"rays\":[[-,2,3,4,5,6]]}"),
+        std::string("{\"rays\":[[1e999,2,3,4,5,6]]}"),
+        std::string("{\"rays\":[[NaN,2,3,4,5,6]]}"),
+        std::string("{\"rays\":[[inf,2,3,4,5,6]]}"),
+        std::string("{\"rays\":[[null,2,3,4,5,6]]}"),
+        std::string("{\"rays\":[[1,2,3,4,5,6,7,nul]]}"),
+        std::string("{\"rays\":[[1 2,3,4,5,6]]}"),
+        std::string("{\"rays\":[[]]}"),
+        std::string("{\"rays\":[[1,2,3,4,5,6]],\"rays\":[[1,2,3,4,5,6]]}"),
+        std::string("{\"rays\":[[1,2,3,4,5,\"]\"]]}"),
+        "{\"rays\":[[1,2,3," + blanks + "4,5,6]]}",
+        "{\"rays\":[[1,2,3,4,5," + digits + "]]}"}) {
+    EXPECT_FALSE(ReadPlain(text)) << text.substr(0, 100);
+  }
+}
+
+TEST(PlainRays, NeverTakeWhatTheOtherReaderRefuses) {
+  auto random = test::RandomEngine(1005);
+  constexpr std::string_view kCharacters = "0123456789.-+eE,[]{} \"nul\n:rays\0x";
+  const std::string good =
+      "{\"rays\": [[1.5,-2e3,0.1,4,5e-1,6], [0,0,0,0,0,1,0,null],\n[10,20,30,40,50,60,7,8]]}";
+  int taken = 0;
+  for (int i = 0; i < 60000; ++i) {
+    std::string text = good;
+    for (int edits = 1 + static_cast<int>(random() % 2); edits > 0; --edits) {
+      const std::size_t at = random() % text.size();
+      const char c = kCharacters[random() % kCharacters.size()];
+      switch (random() % 3) {
+        case 0:
+          text[at] = c;
+          break;
+        case 1:
+          text.insert(at, 1, c);
+          break;
+        default:
+          text.erase(at, 1);
+      }
+    }
+    const auto rows = ReadPlain(text);
+    if (!rows) continue;
+    ++taken;
+    const auto slow = Read(ForTheSlowReader(text));
+    ASSERT_TRUE(slow) << text;
+    ASSERT_TRUE(SameBits(*rows, *slow)) << text;
+  }
+  EXPECT_GT(taken, 5000);
+}
+
+TEST(PlainRays, AreTheSameInManyPartsAndOnManyThreads) {
+  std::string text = "{\"rays\":[";
+  for (int i = 0; i < 40000; ++i) {
+    text += (i == 0       ? "["
+             : i % 7 == 0 ? " ,\n["
+                          : ",[") +
+            std::to_string(i) + ",0.25,-1e-3,1,0,0" + (i % 3 == 0 ? ",0.5,null]" : "]");
+  }
+  text += "]}";
+  std::size_t most_parts = 0;
+  const BatchWork work{.should_stop = {},
+                       .run =
+                           [&](std::size_t count, const std::function<void(std::size_t)>& piece) {
+                             most_parts = std::max(most_parts, count);
+                             std::vector<std::thread> threads;
+                             for (std::size_t i = count; i-- > 0;) threads.emplace_back(piece, i);
+                             for (std::thread& thread : threads) thread.join();
+                           },
+                       .charge = {}};
+  const auto rows = ReadPlain(text, work);
+  ASSERT_TRUE(rows);
+  EXPECT_GT(most_parts, 5u);
+  EXPECT_TRUE(SameBits(*rows, *Read(ForTheSlowReader(text), 40000)));
+}
+
+TEST(PlainRays, ChargeTheirMemoryBeforeTheyTakeIt) {
+  std::uint64_t charged = 0;
+  const auto charge = [&](std::uint64_t bytes) -> Check {
+    charged += bytes;
+    return Problem{ErrorCode::kMemoryFull, "no"};
+  };
+  const auto refused = ReadRayRows("{\"rays\":[[1,2,3,4,5,6],[1,2,3,4,5,6]]}", 0, 1, 10,
+                                   {.should_stop = {}, .run = {}, .charge = charge});
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.problem().code, ErrorCode::kMemoryFull);
+  EXPECT_EQ(charged, 2u * 8 * sizeof(double));
 }
 
 TEST(RayRowsFromJson, RefusesWhatIsNoBatchAndNamesThePlace) {

@@ -1,11 +1,12 @@
-#include "api/npy_batch.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 
+#include "api/ray_table.h"
+#include "tests/support/ray_rows.h"
 #include "tests/unit/api/npy_bytes.h"
 
 namespace kdray::api {
@@ -22,18 +23,20 @@ NpyArray Array(std::vector<std::size_t> shape, const std::string& data, bool for
   return {sizeof(T) == 4 ? NumberType::kF4 : NumberType::kF8, fortran, std::move(shape), data};
 }
 
+/// The rows, which must be read as T.
 template <class T>
-const std::vector<RayRow<T>>& RowsOf(const Outcome<RayTable>& table) {
-  return std::get<std::vector<RayRow<T>>>(table->rows);
+std::vector<test::RayRow<double>> RowsOf(const Outcome<RayTable>& table) {
+  EXPECT_EQ(table->row_type(), sizeof(T) == 4 ? NumberType::kF4 : NumberType::kF8);
+  return test::RowsOf(*table);
 }
 
 TEST(RaysFromNpy, FillsTheIntervalOfRowsOfSix) {
   const std::string data = Bytes(Counted<float>(12));
-  const Outcome<RayTable> table = RaysFromNpy(Array<float>({2, 6}, data), 0.5, kInfinity, 10);
+  const Outcome<RayTable> table = RayTable::FromNpy(Array<float>({2, 6}, data), 0.5, kInfinity, 10);
   ASSERT_TRUE(table);
-  EXPECT_THAT(table->shape, ElementsAre(2));
+  EXPECT_THAT(table->shape(), ElementsAre(2));
   EXPECT_EQ(table->number_type(), NumberType::kF4);
-  const RayRow<float>& row = RowsOf<float>(table)[1];
+  const test::RayRow<double> row = RowsOf<float>(table)[1];
   EXPECT_EQ(row.ox, 6);
   EXPECT_EQ(row.oy, 7);
   EXPECT_EQ(row.oz, 8);
@@ -41,12 +44,12 @@ TEST(RaysFromNpy, FillsTheIntervalOfRowsOfSix) {
   EXPECT_EQ(row.dy, 10);
   EXPECT_EQ(row.dz, 11);
   EXPECT_EQ(row.t_min, 0.5f);
-  EXPECT_EQ(row.t_max, std::numeric_limits<float>::infinity());
+  EXPECT_EQ(row.t_max, kInfinity);
 }
 
 TEST(RaysFromNpy, TakesTheIntervalOfRowsOfEightFromTheirColumns) {
   const std::string data = Bytes(Counted<double>(16));
-  const Outcome<RayTable> table = RaysFromNpy(Array<double>({2, 8}, data), -1, -1, 10);
+  const Outcome<RayTable> table = RayTable::FromNpy(Array<double>({2, 8}, data), -1, -1, 10);
   ASSERT_TRUE(table);
   EXPECT_EQ(table->number_type(), NumberType::kF8);
   EXPECT_EQ(RowsOf<double>(table)[1].t_min, 14);
@@ -56,7 +59,7 @@ TEST(RaysFromNpy, TakesTheIntervalOfRowsOfEightFromTheirColumns) {
 
 TEST(RaysFromNpy, WidensFloatRowsWhenAFloatWouldMoveTheInterval) {
   const std::string data = Bytes(Counted<float>(6));
-  const Outcome<RayTable> table = RaysFromNpy(Array<float>({1, 6}, data), 1e-6, 0.999999, 10);
+  const Outcome<RayTable> table = RayTable::FromNpy(Array<float>({1, 6}, data), 1e-6, 0.999999, 10);
   ASSERT_TRUE(table);
   EXPECT_EQ(RowsOf<double>(table)[0].t_min, 1e-6);
   EXPECT_EQ(RowsOf<double>(table)[0].t_max, 0.999999);
@@ -66,20 +69,20 @@ TEST(RaysFromNpy, WidensFloatRowsWhenAFloatWouldMoveTheInterval) {
 
 TEST(RaysFromNpy, KeepsFloatRowsOfEightWhateverTheOptionsSay) {
   const std::string data = Bytes(Counted<float>(8));
-  const Outcome<RayTable> table = RaysFromNpy(Array<float>({1, 8}, data), 1e-6, 0.999999, 10);
+  const Outcome<RayTable> table = RayTable::FromNpy(Array<float>({1, 8}, data), 1e-6, 0.999999, 10);
   ASSERT_TRUE(table);
   EXPECT_EQ(RowsOf<float>(table)[0].t_max, 7);
 }
 
 TEST(RaysFromNpy, TakesASingleRayAndNoRayAtAll) {
   const std::string data = Bytes(Counted<float>(6));
-  const Outcome<RayTable> single = RaysFromNpy(Array<float>({6}, data), 0, kInfinity, 10);
+  const Outcome<RayTable> single = RayTable::FromNpy(Array<float>({6}, data), 0, kInfinity, 10);
   ASSERT_TRUE(single);
-  EXPECT_THAT(single->shape, IsEmpty());
+  EXPECT_THAT(single->shape(), IsEmpty());
   EXPECT_EQ(single->size(), 1u);
-  const Outcome<RayTable> none = RaysFromNpy(Array<float>({4, 0, 6}, ""), 0, kInfinity, 10);
+  const Outcome<RayTable> none = RayTable::FromNpy(Array<float>({4, 0, 6}, ""), 0, kInfinity, 10);
   ASSERT_TRUE(none);
-  EXPECT_THAT(none->shape, ElementsAre(4, 0));
+  EXPECT_THAT(none->shape(), ElementsAre(4, 0));
   EXPECT_EQ(none->size(), 0u);
 }
 
@@ -93,11 +96,17 @@ TEST(RaysFromNpy, NumbersTheRowsOfAFortranArrayInCOrder) {
   }
   const std::string data = Bytes(elements);
   const Outcome<RayTable> table =
-      RaysFromNpy(Array<double>({2, 3, 6}, data, true), 0, kInfinity, 10);
+      RayTable::FromNpy(Array<double>({2, 3, 6}, data, true), 0, kInfinity, 10);
   ASSERT_TRUE(table);
-  EXPECT_THAT(table->shape, ElementsAre(2, 3));
-  const auto& rows = RowsOf<double>(table);
+  EXPECT_THAT(table->shape(), ElementsAre(2, 3));
+  const auto rows = RowsOf<double>(table);
   ASSERT_EQ(rows.size(), 6u);
+  // Many rows at once, from any row on.
+  for (std::size_t first = 0; first < 6; ++first) {
+    std::vector<double> numbers((6 - first) * kRayNumbers);
+    table->Read(first, numbers);
+    EXPECT_EQ(std::memcmp(numbers.data(), &rows[first], numbers.size() * sizeof(double)), 0);
+  }
   for (int i = 0; i < 2; ++i) {
     for (int j = 0; j < 3; ++j) {
       EXPECT_EQ(rows[static_cast<std::size_t>(3 * i + j)].ox, 100 * i + 10 * j);
@@ -110,7 +119,7 @@ TEST(RaysFromNpy, ReadsElementsAtOddAddresses) {
   const std::string data = "x" + Bytes(Counted<double>(6));
   NpyArray array = Array<double>({1, 6}, data);
   array.data.remove_prefix(1);
-  const Outcome<RayTable> table = RaysFromNpy(array, 0, kInfinity, 10);
+  const Outcome<RayTable> table = RayTable::FromNpy(array, 0, kInfinity, 10);
   ASSERT_TRUE(table);
   EXPECT_EQ(RowsOf<double>(table)[0].dz, 5);
 }
@@ -118,7 +127,7 @@ TEST(RaysFromNpy, ReadsElementsAtOddAddresses) {
 TEST(RaysFromNpy, KeepsRowsThatCannotBe) {
   const float nan = std::nanf("");
   const std::string data = Bytes(std::vector<float>{0, nan, 0, 0, 0, 0});
-  const Outcome<RayTable> table = RaysFromNpy(Array<float>({1, 6}, data), 0, kInfinity, 10);
+  const Outcome<RayTable> table = RayTable::FromNpy(Array<float>({1, 6}, data), 0, kInfinity, 10);
   ASSERT_TRUE(table);
   EXPECT_TRUE(std::isnan(RowsOf<float>(table)[0].oy));
 }
@@ -126,18 +135,19 @@ TEST(RaysFromNpy, KeepsRowsThatCannotBe) {
 TEST(RaysFromNpy, RefusesRowsOfAnotherLength) {
   for (const std::size_t columns : {0u, 1u, 3u, 5u, 7u, 9u}) {
     const std::string data = Bytes(Counted<float>(2 * columns));
-    const Outcome<RayTable> table = RaysFromNpy(Array<float>({2, columns}, data), 0, kInfinity, 10);
+    const Outcome<RayTable> table =
+        RayTable::FromNpy(Array<float>({2, columns}, data), 0, kInfinity, 10);
     ASSERT_FALSE(table) << columns;
     EXPECT_EQ(table.problem().code, ErrorCode::kInvalidArray);
     EXPECT_THAT(table.problem().detail, HasSubstr("(2, " + std::to_string(columns) + ")"));
   }
-  EXPECT_FALSE(RaysFromNpy(Array<float>({}, Bytes(Counted<float>(1))), 0, kInfinity, 10));
+  EXPECT_FALSE(RayTable::FromNpy(Array<float>({}, Bytes(Counted<float>(1))), 0, kInfinity, 10));
 }
 
 TEST(RaysFromNpy, TakesAsManyRowsAsTheLimitAndNoMore) {
   const std::string data = Bytes(Counted<float>(24));
-  EXPECT_TRUE(RaysFromNpy(Array<float>({2, 2, 6}, data), 0, kInfinity, 4));
-  const Outcome<RayTable> more = RaysFromNpy(Array<float>({2, 2, 6}, data), 0, kInfinity, 3);
+  EXPECT_TRUE(RayTable::FromNpy(Array<float>({2, 2, 6}, data), 0, kInfinity, 4));
+  const Outcome<RayTable> more = RayTable::FromNpy(Array<float>({2, 2, 6}, data), 0, kInfinity, 3);
   ASSERT_FALSE(more);
   EXPECT_EQ(more.problem().code, ErrorCode::kTooManyRays);
   EXPECT_EQ(more.problem().limit, 3);

@@ -15,7 +15,9 @@
 #include <string>
 
 #include "api/batch_codec.h"
+#include "tests/support/ray_rows.h"
 #include "tests/support/seed.h"
+#include "tests/unit/api/answers.h"
 
 namespace kdray::api {
 namespace {
@@ -66,17 +68,16 @@ class Numpy : public testing::Test {
   std::string folder_;
 };
 
-template <class T>
-void ExpectRows(const std::vector<RayRow<T>>& rows, const std::string& wanted, std::size_t columns,
-                const std::string& name) {
+void ExpectRows(const std::vector<test::RayRow<double>>& rows, const std::string& wanted,
+                std::size_t columns, const std::string& name) {
   ASSERT_EQ(wanted.size(), rows.size() * columns * sizeof(double)) << name;
   for (std::size_t row = 0; row < rows.size(); ++row) {
     double n[8] = {0, 0, 0, 0, 0, 0, 0.5, 2};
     std::memcpy(n, wanted.data() + row * columns * sizeof(double), columns * sizeof(double));
-    const RayRow<T>& r = rows[row];
-    const T read[8] = {r.ox, r.oy, r.oz, r.dx, r.dy, r.dz, r.t_min, r.t_max};
+    const test::RayRow<double>& r = rows[row];
+    const double read[8] = {r.ox, r.oy, r.oz, r.dx, r.dy, r.dz, r.t_min, r.t_max};
     for (std::size_t c = 0; c < 8; ++c) {
-      ASSERT_EQ(static_cast<double>(read[c]), n[c]) << name << " row " << row << " column " << c;
+      ASSERT_EQ(read[c], n[c]) << name << " row " << row << " column " << c;
     }
   }
 }
@@ -95,7 +96,7 @@ TEST_F(Numpy, WritesArraysThatAreReadHere) {
     const std::string wanted = ReadFile(name + ".rows");
     const std::size_t columns =
         table->size() == 0 ? 6 : wanted.size() / sizeof(double) / table->size();
-    std::visit([&](const auto& rows) { ExpectRows(rows, wanted, columns, name); }, table->rows);
+    ExpectRows(test::RowsOf(*table), wanted, columns, name);
   }
 }
 
@@ -106,7 +107,7 @@ TEST_F(Numpy, ReadsTheAnswersThatAreWrittenHere) {
   answer.hits = {{0.5, 0.25, 0.125, 3}, {kInfinity, 0, 0, -1}, {kNaN, 0, 0, -1}, {2, 0, 1, 0}};
   answer.normals = {{0, 0, 1}, {}, {}, {1, 0, 0}};
   answer.points = {{1, 2, 3}, {}, {}, {4, 5, 6}};
-  const RayTable rays{{2, 2}, std::vector<RayRow<double>>(4)};
+  const RayTable rays = RaysOfShape({2, 2});
   RayOptions options;
   std::vector<std::string> files = {EncodeClosest(answer, rays, options, BatchType::kNpy)};
   std::string wanted =
@@ -133,16 +134,32 @@ TEST_F(Numpy, ReadsTheAnswersThatAreWrittenHere) {
   files.push_back(EncodeClosest(answer, rays, options, BatchType::kNpy));
   wanted += "<f4 (2, 2, 3)\n1.0 2.0 3.0 0.0 0.0 0.0 0.0 0.0 0.0 4.0 5.0 6.0\n";
 
-  AnyAnswer any;
-  any.occluded = {1};
-  const RayTable single{{}, std::vector<RayRow<float>>(1)};
-  files.push_back(EncodeAny(any, single, BatchType::kNpy));
+  files.push_back(EncodeAny({1}, {}, RaysOfShape({}), BatchType::kNpy));
   wanted += "|b1 ()\n1.0\n";
-
-  any.occluded.clear();
-  const RayTable none{{0}, std::vector<RayRow<float>>()};
-  files.push_back(EncodeAny(any, none, BatchType::kNpy));
+  files.push_back(EncodeAny({}, {}, RaysOfShape({0}), BatchType::kNpy));
   wanted += "|b1 (0,)\n\n";
+
+  const RayTable narrow = RaysOfShape({2, 1}, NumberType::kF4);
+  files.push_back(EncodeCount({3, 4000000000}, {}, narrow, BatchType::kNpy));
+  wanted += "<u4 (2, 1)\n3.0 4000000000.0\n";
+  files.push_back(EncodeCount({1, 2, 3, 4}, {}, rays, BatchType::kNpy));
+  wanted += "<u8 (2, 2)\n1.0 2.0 3.0 4.0\n";
+
+  const std::vector<std::vector<RayHit>> lists = {
+      {{1, 0.25, 0.5, 7}, {2, 0, 0, 8}}, {}, {{3, 1, 0, 9}}, {}};
+  options = {};
+  options.fields = {kTriangle, kT, kSide};
+  files.push_back(EncodeAll(lists, {}, rays, BatchType::kNpy, options));
+  wanted +=
+      "[('ray', '<i8'), ('triangle', '<i8'), ('t', '<f8'), ('side', '<i8')] (3,)\n"
+      "0.0 0.0 2.0\n7.0 8.0 9.0\n1.0 2.0 3.0\n-1.0 -1.0 -1.0\n";
+  options.fields = {kT};
+  files.push_back(EncodeAll({{}, {{3, 1, 0, 9}}}, {}, narrow, BatchType::kNpy, options));
+  wanted += "[('ray', '<i4'), ('t', '<f4')] (1,)\n1.0\n3.0\n";
+  files.push_back(EncodeAll({}, {}, RaysOfShape({0}), BatchType::kNpy));
+  wanted +=
+      "[('ray', '<i8'), ('t', '<f8'), ('triangle', '<i8'), ('u', '<f8'), ('v', '<f8')] (0,)\n"
+      "\n\n\n\n\n";
 
   files.push_back(EncodeImage({2, 1, 3, std::vector<float>{1, 2, 3, 4, 5, 6}}));
   wanted += "<f4 (1, 2, 3)\n1.0 2.0 3.0 4.0 5.0 6.0\n";

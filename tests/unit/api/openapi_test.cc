@@ -20,6 +20,7 @@
 #include "api/request_fields.h"
 #include "api/tree_id.h"
 #include "api/visibility_codec.h"
+#include "tests/unit/api/answers.h"
 
 namespace kdray::api {
 namespace {
@@ -145,10 +146,10 @@ void ExpectRange(const json& schema, double min, double max, bool open_min, bool
               open_max, name);
 }
 
-/// The schema among `oneOf` that is not the word; checks that the word is there.
-const json& WithoutWord(const json& schema, std::string_view word, std::string_view name) {
-  if (word.empty()) return schema;
-  EXPECT_EQ(Resolve(schema.at("oneOf").at(1))["enum"], json::array({word})) << name;
+/// The schema among `oneOf` that has no words; checks that the words are there.
+const json& WithoutWords(const json& schema, const json& words, std::string_view name) {
+  if (words.empty()) return schema;
+  EXPECT_EQ(Resolve(schema.at("oneOf").at(1))["enum"], words) << name;
   return Resolve(schema.at("oneOf").at(0));
 }
 
@@ -159,13 +160,17 @@ void ExpectKind(const json& schema, const IntegerKind& kind, std::string_view na
 }
 
 void ExpectKind(const json& schema, const NumberKind& kind, std::string_view name) {
-  const json& number = WithoutWord(schema, kind.or_infinity ? "inf" : kind.word, name);
+  json words = json::array();
+  if (kind.or_infinity) words.push_back("inf");
+  if (!kind.word.empty()) words.push_back(kind.word);
+  const json& number = WithoutWords(schema, words, name);
   EXPECT_EQ(At(number, "type"), "number") << name;
   ExpectRange(number, kind.min, kind.max, kind.open_min, kind.open_max, name);
 }
 
 void ExpectKind(const json& schema, const VectorKind& kind, std::string_view name) {
-  const json& vector = WithoutWord(schema, kind.word, name);
+  const json words = kind.word.empty() ? json::array() : json::array({kind.word});
+  const json& vector = WithoutWords(schema, words, name);
   EXPECT_EQ(At(vector, "type"), "array") << name;
   EXPECT_EQ(At(vector, "minItems"), kind.count) << name;
   EXPECT_EQ(At(vector, "maxItems"), kind.count) << name;
@@ -278,6 +283,8 @@ TEST(OpenApi, DescribesTheParametersAsTheyAreRead) {
   ExpectParameters("/v1/trees/{id}/points/signed-distance", "post", SideFields(limits));
   ExpectParameters("/v1/trees/{id}/points/inside", "post", SideFields(limits));
   ExpectParameters("/v1/trees/{id}/visibility", "post", VisibilityFields(limits));
+  ExpectParameters("/v1/trees/{id}/rays/count", "post", CountFields(limits));
+  ExpectParameters("/v1/trees/{id}/rays/all", "post", AllFields(limits));
   ExpectParameters("/v1/trees/{id}/render.png", "get", RenderFields(limits));
   ExpectParameters("/v1/trees/{id}/render.npy", "get", RenderFields(limits));
 }
@@ -302,6 +309,8 @@ TEST(OpenApi, WhatWasUsedIsAnyPrecisionButAuto) {
 
 const std::string kClosest = "/paths/~1v1~1trees~1{id}~1rays~1closest/post";
 const std::string kAny = "/paths/~1v1~1trees~1{id}~1rays~1any/post";
+const std::string kCount = "/paths/~1v1~1trees~1{id}~1rays~1count/post";
+const std::string kAll = "/paths/~1v1~1trees~1{id}~1rays~1all/post";
 const std::string kOkJson = "/responses/200/content/application~1json/examples/";
 
 TEST(Examples, OfRequestsAreRead) {
@@ -320,18 +329,22 @@ TEST(Examples, OfRequestsAreRead) {
 
 TEST(Examples, OfBatchAnswersAreWhatIsWritten) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  const RayTable rays{{4}, std::vector<RayRow<double>>(4)};
+  const RayTable rays = RaysOfShape({4});
   ClosestAnswer closest;
   closest.hits = {
       {1, 0.5, 0.25, 0}, {kInfinity, 0, 0, -1}, {2, 0.25, 0.5, 1}, {std::nan(""), 0, 0, -1}};
   closest.invalid = {3};
   EXPECT_EQ(json::parse(EncodeClosest(closest, rays, {}, BatchType::kJson)),
             Example(kClosest + kOkJson + "square"));
-  AnyAnswer any;
-  any.occluded = {1, 0, 1, 0};
-  any.invalid = {3};
-  EXPECT_EQ(json::parse(EncodeAny(any, rays, BatchType::kJson)),
+  EXPECT_EQ(json::parse(EncodeAny({1, 0, 1, 0}, {3}, rays, BatchType::kJson)),
             Example(kAny + kOkJson + "square"));
+  EXPECT_EQ(json::parse(EncodeCount({1, 0, 1, 0}, {3}, rays, BatchType::kJson)),
+            Example(kCount + kOkJson + "square"));
+  BatchReport report;
+  report.invalid = {3};
+  EXPECT_EQ(json::parse(EncodeAll({{closest.hits[0]}, {}, {closest.hits[2]}, {}}, report, rays,
+                                  BatchType::kJson)),
+            Example(kAll + kOkJson + "square"));
 }
 
 TEST(Examples, OfPointQueriesAreReadAndWritten) {

@@ -151,8 +151,30 @@ TEST(RayQueries, KeepTheirDefaultsWhenNothingIsAsked) {
               ElementsAre(RayField::kT, RayField::kTriangle, RayField::kU, RayField::kV));
   EXPECT_EQ(options->t_min, 0);
   EXPECT_EQ(options->t_max, std::nullopt);
+  EXPECT_FALSE(options->auto_t_min || options->auto_t_max);
+  EXPECT_EQ(options->cull, Cull::kNone);
   EXPECT_EQ(options->deadline_ms, 30000);
   EXPECT_EQ(options->dtype, std::nullopt);
+  EXPECT_EQ(DecodeAllOptions("", kLimits)->max_hits, 64);
+}
+
+TEST(RayQueries, TakeAutoForEitherEndOfTheInterval) {
+  const auto both = DecodeCountOptions("t_min=auto&t_max=auto&cull=back", kLimits);
+  ASSERT_TRUE(both) << both.problem().detail;
+  EXPECT_TRUE(both->auto_t_min && both->auto_t_max);
+  EXPECT_EQ(both->t_min, 0);
+  EXPECT_EQ(both->t_max, 1) << "the ray ends at origin + direction";
+  EXPECT_EQ(both->cull, Cull::kBack);
+  const auto begin = DecodeAllOptions("t_min=auto&t_max=5&max_hits=1024", kLimits);
+  ASSERT_TRUE(begin);
+  EXPECT_TRUE(begin->auto_t_min && !begin->auto_t_max);
+  EXPECT_EQ(begin->t_max, 5);
+  EXPECT_EQ(begin->max_hits, 1024);
+  EXPECT_TRUE(DecodeAnyOptions("t_min=1&t_max=auto", kLimits));
+  for (const char* query : {"t_min=1.5&t_max=auto", "t_min=auto&t_max=-1", "t_min=Auto",
+                            "t_max=automatic", "t_min=auto,auto"}) {
+    EXPECT_FALSE(DecodeAnyOptions(query, kLimits)) << query;
+  }
 }
 
 TEST(RayQueries, TakeEveryOption) {
@@ -170,7 +192,8 @@ TEST(RayQueries, TakeEveryOption) {
   EXPECT_EQ(DecodeAnyOptions("t_min=-5&t_max=-5", kLimits)->t_max, -5);
   EXPECT_EQ(DecodeAnyOptions("t_max=1e-400", kLimits)->t_max, 0);
   EXPECT_EQ(DecodeAnyOptions("deadline_ms=600000", kLimits)->deadline_ms, 600000);
-  EXPECT_EQ(DecodeClosestOptions("fields=t,triangle,u,v,normal,point", kLimits)->fields.size(), 6u);
+  EXPECT_EQ(DecodeClosestOptions("fields=t,triangle,u,v,normal,point,side", kLimits)->fields.size(),
+            7u);
 }
 
 TEST(RayQueries, RefuseEverythingElseByName) {
@@ -200,6 +223,8 @@ TEST(RayQueries, RefuseEverythingElseByName) {
       {"dtype=<f4", "dtype"},
       {"dtype=", "dtype"},
       {"max_hits=5", "max_hits"},
+      {"cull=", "cull"},
+      {"cull=both", "cull"},
       {"precison=fast", "precison"},
       {"dtype=f4&dtype=f4", "dtype"},
       {"=5", ""},
@@ -214,7 +239,11 @@ TEST(RayQueries, RefuseEverythingElseByName) {
   }
   const auto any = DecodeAnyOptions("fields=t", kLimits);
   ASSERT_FALSE(any) << "any has no fields";
-  EXPECT_THAT(any.problem().detail, HasSubstr("there are precision, t_min, t_max"));
+  EXPECT_THAT(any.problem().detail, HasSubstr("there are precision, t_min, t_max, cull"));
+  for (const char* query : {"max_hits=0", "max_hits=1025", "max_hits=-1", "max_hits=x"}) {
+    EXPECT_EQ(DecodeAllOptions(query, kLimits).problem().parameter, "max_hits") << query;
+    EXPECT_FALSE(DecodeCountOptions(query, kLimits)) << query;
+  }
 }
 
 // ---- The other paths ----

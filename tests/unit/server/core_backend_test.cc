@@ -11,13 +11,16 @@
 #include <random>
 #include <string>
 #include <thread>
+#include <tuple>
 #include <vector>
 
 #include "core/base/hash.h"
 #include "core/trace/brute_force.h"
 #include "core/trace/trace.h"
+#include "server/mapping.h"
 #include "tests/support/mesh_files.h"
 #include "tests/support/off_text.h"
+#include "tests/support/ray_rows.h"
 #include "tests/support/seed.h"
 #include "tests/support/shapes.h"
 #include "tests/support/simulated_disk.h"
@@ -32,6 +35,17 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 
 using MeshBytesVector = std::vector<std::byte>;
+
+/// The rows of an answer, and its report.
+template <class Rows>
+struct Answer {
+  std::shared_ptr<test::Collected<Rows>> rows = std::make_shared<test::Collected<Rows>>();
+  api::BatchReport report;
+};
+using ClosestAnswer = Answer<api::ClosestRows>;
+using AnyAnswer = Answer<api::AnyRows>;
+using CountAnswer = Answer<api::CountRows>;
+using AllAnswer = Answer<api::AllRows>;
 
 class CoreBackendTest : public testing::Test {
  protected:
@@ -71,18 +85,33 @@ class CoreBackendTest : public testing::Test {
   }
 
   // One request: acquires the tree, asks it once, and lets it go.
-  api::Outcome<api::ClosestAnswer> Closest(std::string_view id, const api::RayTable& rays,
-                                           const api::RayOptions& options,
-                                           const CancelToken& cancel) {
-    const auto tree = backend_->Acquire(id, TreeUse::kRays, cancel);
-    if (!tree) return tree.problem();
-    return (*tree)->Closest(rays, options, cancel);
+  api::Outcome<ClosestAnswer> Closest(std::string_view id, const api::RayTable& rays,
+                                      const api::RayOptions& options, const CancelToken& cancel) {
+    return Ask<ClosestAnswer>(id, rays, options, cancel, &LoadedTree::Closest);
   }
-  api::Outcome<api::AnyAnswer> Any(std::string_view id, const api::RayTable& rays,
-                                   const api::RayOptions& options, const CancelToken& cancel) {
+  api::Outcome<AnyAnswer> Any(std::string_view id, const api::RayTable& rays,
+                              const api::RayOptions& options, const CancelToken& cancel) {
+    return Ask<AnyAnswer>(id, rays, options, cancel, &LoadedTree::Any);
+  }
+  api::Outcome<CountAnswer> Count(std::string_view id, const api::RayTable& rays,
+                                  const api::RayOptions& options, const CancelToken& cancel) {
+    return Ask<CountAnswer>(id, rays, options, cancel, &LoadedTree::Count);
+  }
+  api::Outcome<AllAnswer> All(std::string_view id, const api::RayTable& rays,
+                              const api::RayOptions& options, const CancelToken& cancel) {
+    return Ask<AllAnswer>(id, rays, options, cancel, &LoadedTree::All);
+  }
+  template <class Answer, class Method>
+  api::Outcome<Answer> Ask(std::string_view id, const api::RayTable& rays,
+                           const api::RayOptions& options, const CancelToken& cancel,
+                           Method method) {
     const auto tree = backend_->Acquire(id, TreeUse::kRays, cancel);
     if (!tree) return tree.problem();
-    return (*tree)->Any(rays, options, cancel);
+    Answer answer;
+    auto report = ((**tree).*method)(rays, options, cancel, answer.rows.get());
+    if (!report) return report.problem();
+    answer.report = *std::move(report);
+    return answer;
   }
   api::Outcome<api::RenderAnswer> Render(std::string_view id, const api::RenderRequest& request,
                                          bool png, const CancelToken& cancel) {
@@ -110,12 +139,12 @@ core::MeshData Sphere() { return test::BumpySphere({1, 2, 3}, 2, 12, 24, 0.2); }
 
 // Rays through and past the sphere; every 10th cannot be.
 template <class T>
-api::RayTable SomeRays(std::size_t count) {
+test::RayRows<T> SomeRays(std::size_t count) {
   std::mt19937_64 random = test::RandomEngine(4242);
   std::uniform_real_distribution<T> place(T(-5), T(9));
-  std::vector<api::RayRow<T>> rows(count);
+  std::vector<test::RayRow<T>> rows(count);
   for (std::size_t i = 0; i < count; ++i) {
-    api::RayRow<T>& r = rows[i];
+    test::RayRow<T>& r = rows[i];
     r.ox = place(random);
     r.oy = place(random);
     r.oz = place(random);
@@ -126,13 +155,16 @@ api::RayTable SomeRays(std::size_t count) {
     r.dz = T(3) - r.oz;
     if (i % 10 == 7) r.dx = std::numeric_limits<T>::quiet_NaN();
   }
-  return {{count}, std::move(rows)};
+  return test::RayRows<T>(std::move(rows));
 }
 
-template <class T>
-core::Ray RayOf(const api::RayRow<T>& r) {
-  return {core::Vec3d{r.ox, r.oy, r.oz}, static_cast<double>(r.t_min),
-          core::Vec3d{r.dx, r.dy, r.dz}, static_cast<double>(r.t_max)};
+core::Ray RayOf(const test::RayRow<double>& r) {
+  return {core::Vec3d{r.ox, r.oy, r.oz}, r.t_min, core::Vec3d{r.dx, r.dy, r.dz}, r.t_max};
+}
+
+void ExpectSame(const api::RayHit& a, const api::RayHit& b) {
+  EXPECT_TRUE(a.triangle == b.triangle && a.u == b.u && a.v == b.v &&
+              (a.t == b.t || (std::isnan(a.t) && std::isnan(b.t))));
 }
 
 TEST_F(CoreBackendTest, AnUploadIsDescribedAndItsBytesComeBack) {
@@ -175,9 +207,10 @@ TEST_F(CoreBackendTest, WhatIsNoIdIsNotFoundEverywhere) {
     EXPECT_EQ(DescribeNow(id).problem().code, ErrorCode::kTreeNotFound) << id;
     EXPECT_EQ(backend_->Delete(id)->code, ErrorCode::kTreeNotFound);
     EXPECT_EQ(backend_->OpenMesh(id, {}).problem().code, ErrorCode::kTreeNotFound);
-    EXPECT_EQ(Closest(id, SomeRays<double>(1), {}, Soon()).problem().code,
+    EXPECT_EQ(Closest(id, SomeRays<double>(1).table(), {}, Soon()).problem().code,
               ErrorCode::kTreeNotFound);
-    EXPECT_EQ(Any(id, SomeRays<double>(1), {}, Soon()).problem().code, ErrorCode::kTreeNotFound);
+    EXPECT_EQ(Any(id, SomeRays<double>(1).table(), {}, Soon()).problem().code,
+              ErrorCode::kTreeNotFound);
     EXPECT_EQ(Render(id, {}, true, Soon()).problem().code, ErrorCode::kTreeNotFound);
     EXPECT_EQ(Cells(id, 0, Soon()).problem().code, ErrorCode::kTreeNotFound);
   }
@@ -205,7 +238,7 @@ TEST_F(CoreBackendTest, BrokenMeshesAnswerTheirProblemWithItsLine) {
   EXPECT_EQ(waited.problem().code, ErrorCode::kInvalidMesh);
   EXPECT_EQ(waited.problem().line, 6u);
   EXPECT_EQ(DescribeNow(stored->id).problem().code, ErrorCode::kInvalidMesh);
-  EXPECT_EQ(Closest(stored->id, SomeRays<double>(1), {}, Soon()).problem().code,
+  EXPECT_EQ(Closest(stored->id, SomeRays<double>(1).table(), {}, Soon()).problem().code,
             ErrorCode::kInvalidMesh);
   EXPECT_EQ(Upload({}).problem().code, ErrorCode::kEmptyMesh);
 }
@@ -214,89 +247,167 @@ TEST_F(CoreBackendTest, ClosestHitsAreThoseOfBruteForceForFloatAndDoubleRows) {
   const auto mesh = core::TriangleMesh::Create(Sphere());
   ASSERT_TRUE(mesh.ok());
   const std::string id = Add(Sphere());
-  for (const bool in_float : {false, true}) {
-    const api::RayTable table = in_float ? SomeRays<float>(3000) : SomeRays<double>(3000);
-    const auto answer = Closest(id, table, {}, Soon());
+  const test::RayRows<float> narrow = SomeRays<float>(3000);
+  const test::RayRows<double> wide = SomeRays<double>(3000);
+  for (const api::RayTable* table : {&narrow.table(), &wide.table()}) {
+    const auto answer = Closest(id, *table, {}, Soon());
     ASSERT_TRUE(answer.ok());
-    ASSERT_EQ(answer->hits.size(), 3000u);
-    EXPECT_TRUE(answer->normals.empty() && answer->points.empty()) << "nobody asked";
-    std::size_t hits = 0;
+    const std::vector<api::RayHit>& hits = answer->rows->hits;
+    ASSERT_EQ(hits.size(), 3000u);
+    EXPECT_TRUE(answer->rows->normals.empty() && answer->rows->points.empty()) << "nobody asked";
+    std::size_t hit_count = 0;
     std::vector<std::uint64_t> invalid;
-    std::visit(
-        [&](const auto& rows) {
-          for (std::size_t i = 0; i < rows.size(); ++i) {
-            const api::RayHit& got = answer->hits[i];
-            if (i % 10 == 7) {
-              invalid.push_back(i);
-              EXPECT_TRUE(std::isnan(got.t));
-              EXPECT_EQ(got.triangle, -1);
-              continue;
-            }
-            const core::Hit expected =
-                core::BruteForceClosest(*mesh, RayOf(rows[i]), core::AutoPrecision(*mesh));
-            EXPECT_EQ(got.triangle,
-                      expected.IsHit() ? std::int64_t{expected.primitive_id} : std::int64_t{-1});
-            EXPECT_EQ(got.t, expected.t);
-            if (expected.IsHit()) {
-              ++hits;
-              EXPECT_EQ(got.u, expected.u);
-              EXPECT_EQ(got.v, expected.v);
-            }
-          }
-        },
-        table.rows);
-    EXPECT_GT(hits, 500u);
-    EXPECT_EQ(answer->invalid, invalid);
-    EXPECT_GT(answer->trace_ms, 0);
+    const auto rows = test::RowsOf(*table);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      if (i % 10 == 7) {
+        invalid.push_back(i);
+        EXPECT_TRUE(std::isnan(hits[i].t));
+        EXPECT_EQ(hits[i].triangle, -1);
+        continue;
+      }
+      const core::Hit expected =
+          core::BruteForceClosest(*mesh, RayOf(rows[i]), core::AutoPrecision(*mesh));
+      hit_count += expected.IsHit() ? 1 : 0;
+      ExpectSame(hits[i], ToApi(expected));
+    }
+    EXPECT_GT(hit_count, 500u);
+    EXPECT_EQ(answer->report.invalid, invalid);
+    EXPECT_GT(answer->report.trace_ms, 0);
   }
 }
 
 TEST_F(CoreBackendTest, ABatchLongerThanABlockIsAnsweredLikeItsParts) {
   const std::string id = Add(Sphere());
-  const api::RayTable all = SomeRays<double>(300'000);
-  const auto answer = Closest(id, all, {}, Soon());
-  ASSERT_TRUE(answer.ok());
-  const auto any = Any(id, all, {}, Soon());
-  ASSERT_TRUE(any.ok());
-  EXPECT_EQ(answer->invalid.size(), 30'000u);
-  EXPECT_EQ(any->invalid, answer->invalid);
-  EXPECT_TRUE(std::is_sorted(answer->invalid.begin(), answer->invalid.end()));
-  const auto& rows = std::get<1>(all.rows);
+  const test::RayRows<double> all = SomeRays<double>(300'000);
+  const auto answer = Closest(id, all.table(), {}, Soon());
+  const auto any = Any(id, all.table(), {}, Soon());
+  const auto count = Count(id, all.table(), {}, Soon());
+  const auto lists = All(id, all.table(), {}, Soon());
+  ASSERT_TRUE(answer.ok() && any.ok() && count.ok() && lists.ok());
+  const std::vector<std::uint64_t>& invalid = answer->report.invalid;
+  EXPECT_EQ(invalid.size(), 30'000u);
+  EXPECT_TRUE(any->report.invalid == invalid && count->report.invalid == invalid &&
+              lists->report.invalid == invalid);
+  EXPECT_TRUE(std::is_sorted(invalid.begin(), invalid.end()));
+  EXPECT_EQ(lists->rows->counts, count->rows->counts);
   for (const std::size_t first : {std::size_t{0}, std::size_t{131'000}, std::size_t{262'100}}) {
-    api::RayTable part{
-        {200},
-        std::vector<api::RayRow<double>>(rows.begin() + std::ptrdiff_t(first),
-                                         rows.begin() + std::ptrdiff_t(first) + 200)};
-    const auto part_answer = Closest(id, part, {}, Soon());
-    ASSERT_TRUE(part_answer.ok());
+    const auto from = all.rows().begin() + std::ptrdiff_t(first);
+    const test::RayRows<double> part({from, from + 200});
+    const auto part_answer = Closest(id, part.table(), {}, Soon());
+    const auto part_count = Count(id, part.table(), {}, Soon());
+    ASSERT_TRUE(part_answer.ok() && part_count.ok());
     for (std::size_t i = 0; i < 200; ++i) {
-      const api::RayHit& a = answer->hits[first + i];
-      const api::RayHit& b = part_answer->hits[i];
-      EXPECT_EQ(a.triangle, b.triangle);
-      EXPECT_TRUE(a.t == b.t || (std::isnan(a.t) && std::isnan(b.t)));
-      EXPECT_EQ(any->occluded[first + i], a.triangle >= 0 ? 1 : 0);
+      ExpectSame(answer->rows->hits[first + i], part_answer->rows->hits[i]);
+      EXPECT_EQ(any->rows->occluded[first + i], part_answer->rows->hits[i].triangle >= 0 ? 1 : 0);
+      EXPECT_EQ(count->rows->counts[first + i], part_count->rows->counts[i]);
     }
   }
 }
 
-TEST_F(CoreBackendTest, NormalsAndPointsComeWhenTheyAreAskedFor) {
+TEST_F(CoreBackendTest, DetailsOfHitsComeWhenTheyAreAskedFor) {
   const std::string id = Add(test::Cube({0, 0, 0}, 2));
-  api::RayTable table;
-  table.shape = {3};
-  table.rows = std::vector<api::RayRow<double>>{{-10, 0.5, 0.25, 0, 2, 0, 0, 1e300},
-                                                {-10, 50, 0, 0, 1, 0, 0, 1e300},
-                                                {0.5, 0.25, 10, 0, 0, 0, -1, 1e300}};
+  const test::RayRows<double> rays({{-10, 0.5, 0.25, 0, 2, 0, 0, 1e300},
+                                    {-10, 50, 0, 0, 1, 0, 0, 1e300},
+                                    {0.5, 0.25, 10, 0, 0, 0, -1, 1e300},
+                                    {0.5, 0.25, 0, 0, 0, 0, 1, 1e300}});
   api::RayOptions options;
-  options.fields = {api::RayField::kT, api::RayField::kNormal, api::RayField::kPoint};
-  const auto answer = Closest(id, table, options, Soon());
+  options.fields = {api::RayField::kT, api::RayField::kNormal, api::RayField::kPoint,
+                    api::RayField::kSide};
+  const auto answer = Closest(id, rays.table(), options, Soon());
   ASSERT_TRUE(answer.ok());
-  EXPECT_EQ(answer->hits[0].t, 4.0) << "counts lengths of the direction";
-  EXPECT_THAT(answer->normals[0], ElementsAre(-1, 0, 0)) << "outward, by the order of corners";
-  EXPECT_THAT(answer->points[0], ElementsAre(-2, 0.5, 0.25));
-  EXPECT_EQ(answer->hits[1].triangle, -1);
-  EXPECT_TRUE(std::isnan(answer->normals[1][0]) && std::isnan(answer->points[1][2]));
-  EXPECT_THAT(answer->normals[2], ElementsAre(0, 0, 1));
-  EXPECT_THAT(answer->points[2], ElementsAre(0.5, 0.25, 2));
+  const auto& rows = *answer->rows;
+  EXPECT_EQ(rows.hits[0].t, 4.0) << "counts lengths of the direction";
+  EXPECT_THAT(rows.normals[0], ElementsAre(-1, 0, 0)) << "outward, by the order of corners";
+  EXPECT_THAT(rows.points[0], ElementsAre(-2, 0.5, 0.25));
+  EXPECT_EQ(rows.hits[1].triangle, -1);
+  EXPECT_TRUE(std::isnan(rows.normals[1][0]) && std::isnan(rows.points[1][2]));
+  EXPECT_THAT(rows.normals[2], ElementsAre(0, 0, 1));
+  EXPECT_THAT(rows.points[2], ElementsAre(0.5, 0.25, 2));
+  EXPECT_THAT(rows.normals[3], ElementsAre(0, 0, 1)) << "not turned towards the ray";
+  EXPECT_THAT(rows.sides, ElementsAre(1, 0, 1, -1));
+}
+
+TEST_F(CoreBackendTest, AllHitsAreListedNearestFirstAndCutAtMaxHits) {
+  const std::string id = Add(Sphere());
+  const test::RayRows<double> rays = SomeRays<double>(2000);
+  api::RayOptions options;
+  options.fields.push_back(api::RayField::kSide);
+  const auto all = All(id, rays.table(), options, Soon());
+  options.max_hits = 1;
+  const auto nearest = All(id, rays.table(), options, Soon());
+  ASSERT_TRUE(all.ok() && nearest.ok());
+  EXPECT_EQ(all->report.precision, api::Precision::kExact);
+  EXPECT_TRUE(all->report.truncated.empty());
+  std::size_t hit = 0, kept = 0;
+  std::vector<std::uint64_t> truncated;
+  for (std::size_t row = 0; row < 2000; ++row) {
+    const std::uint32_t count = all->rows->counts[row];
+    EXPECT_EQ(nearest->rows->counts[row], std::min(count, 1u));
+    if (count > 1) truncated.push_back(row);
+    if (count > 0) ExpectSame(nearest->rows->hits[kept++], all->rows->hits[hit]);
+    for (std::uint32_t i = 0; i < count; ++i, ++hit) {
+      EXPECT_EQ(all->rows->sides[hit], (count - i) % 2 == 1 ? -1 : 1)
+          << "out of a closed mesh last";
+      if (i > 0) {
+        EXPECT_LE(all->rows->hits[hit - 1].t, all->rows->hits[hit].t);
+      }
+    }
+  }
+  EXPECT_EQ(hit, all->rows->hits.size());
+  EXPECT_GT(hit, 1000u);
+  EXPECT_EQ(nearest->report.truncated, truncated);
+}
+
+TEST_F(CoreBackendTest, AnAnswerOfAllWithTooManyHitsIsRefused) {
+  options_.limits.max_rays = 10;  // so 160 hits
+  Open();
+  const std::string id = Add(Sphere());
+  const std::vector<test::RayRow<double>> rows(100, {-9, 2, 3, 0, 1, 0, 0, 1e300});
+  EXPECT_TRUE(
+      All(id, test::RayRows<double>({rows.begin(), rows.begin() + 80}).table(), {}, Soon()).ok());
+  const auto refused = All(id, test::RayRows<double>(rows).table(), {}, Soon());
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.problem().code, ErrorCode::kTooManyHits);
+  EXPECT_EQ(refused.problem().limit, 160);
+}
+
+TEST_F(CoreBackendTest, CullRemovesSidesFromEveryQuery) {
+  const std::string id = Add(test::Cube({0, 0, 0}, 2));
+  const test::RayRows<double> rays({{-10, 0.5, 0.25, 0, 1, 0, 0, 1e300}});
+  for (const auto& [cull, t, triangles] :
+       {std::tuple(api::Cull::kNone, 8.0, 2u), std::tuple(api::Cull::kBack, 8.0, 1u),
+        std::tuple(api::Cull::kFront, 12.0, 1u)}) {
+    for (const api::Precision precision : {api::Precision::kAuto, api::Precision::kFast,
+                                           api::Precision::kDouble, api::Precision::kExact}) {
+      api::RayOptions options;
+      options.precision = precision;
+      options.cull = cull;
+      EXPECT_EQ(Closest(id, rays.table(), options, Soon())->rows->hits[0].t, t);
+      EXPECT_THAT(Count(id, rays.table(), options, Soon())->rows->counts, ElementsAre(triangles));
+      EXPECT_EQ(All(id, rays.table(), options, Soon())->rows->hits.size(), triangles);
+      EXPECT_THAT(Any(id, rays.table(), options, Soon())->rows->occluded, ElementsAre(1));
+    }
+  }
+}
+
+TEST_F(CoreBackendTest, RaysBetweenSurfacesAreOfferedTheOffsetOfTheirEnds) {
+  const std::string id = Add(test::Cube({0, 0, 0}, 2));
+  // From one side of the cube to the opposite one, which "auto" does not hit.
+  const test::RayRows<float> narrow({{-2, 0.5F, 0.25F, 0, 4, 0, 0, 1e30F}});
+  const test::RayRows<double> wide({{-2, 0.5, 0.25, 0, 4, 0, 0, 1e300}});
+  api::RayOptions options;
+  EXPECT_FALSE(Any(id, wide.table(), options, Soon())->report.offset);
+  EXPECT_THAT(Any(id, wide.table(), options, Soon())->rows->occluded, ElementsAre(1));
+  options.auto_t_min = true;
+  EXPECT_EQ(Closest(id, wide.table(), options, Soon())->rows->hits[0].t, 1.0);
+  options.auto_t_max = true;
+  const auto in_double = Any(id, wide.table(), options, Soon());
+  const auto in_float = Any(id, narrow.table(), options, Soon());
+  EXPECT_THAT(in_double->rows->occluded, ElementsAre(0));
+  EXPECT_THAT(in_float->rows->occluded, ElementsAre(0));
+  ASSERT_TRUE(in_double->report.offset && in_float->report.offset);
+  EXPECT_GT(*in_double->report.offset, 0);
+  EXPECT_LT(*in_double->report.offset, *in_float->report.offset) << "double needs less room";
 }
 
 TEST_F(CoreBackendTest, EveryPrecisionIsAnsweredUnderItsName) {
@@ -305,28 +416,31 @@ TEST_F(CoreBackendTest, EveryPrecisionIsAnsweredUnderItsName) {
                                          api::Precision::kDouble, api::Precision::kExact}) {
     api::RayOptions options;
     options.precision = precision;
-    const auto closest = Closest(id, SomeRays<double>(100), options, Soon());
-    const auto any = Any(id, SomeRays<double>(100), options, Soon());
+    const auto closest = Closest(id, SomeRays<double>(100).table(), options, Soon());
+    const auto any = Any(id, SomeRays<double>(100).table(), options, Soon());
     ASSERT_TRUE(closest.ok() && any.ok());
-    EXPECT_EQ(closest->precision, precision);
-    EXPECT_EQ(any->precision, precision);
+    EXPECT_EQ(closest->report.precision, precision);
+    EXPECT_EQ(any->report.precision, precision);
   }
 }
 
 TEST_F(CoreBackendTest, ABatchOfNothingIsAnsweredWithNothing) {
   const std::string id = Add(Sphere());
-  const auto closest = Closest(id, SomeRays<float>(0), {}, Soon());
+  const auto closest = Closest(id, SomeRays<float>(0).table(), {}, Soon());
   ASSERT_TRUE(closest.ok());
-  EXPECT_TRUE(closest->hits.empty() && closest->invalid.empty());
-  EXPECT_TRUE(Any(id, SomeRays<float>(0), {}, Soon())->occluded.empty());
+  EXPECT_TRUE(closest->rows->hits.empty() && closest->report.invalid.empty());
+  EXPECT_TRUE(Any(id, SomeRays<float>(0).table(), {}, Soon())->rows->occluded.empty());
+  EXPECT_TRUE(Count(id, SomeRays<float>(0).table(), {}, Soon())->rows->counts.empty());
+  EXPECT_TRUE(All(id, SomeRays<float>(0).table(), {}, Soon())->rows->hits.empty());
 }
 
 TEST_F(CoreBackendTest, ADeadlineThatHasPassedIsExceeded) {
   const std::string id = Add(Sphere());
   const CancelToken late = CancelToken::WithDeadline(steady_clock::now() - milliseconds(1));
-  EXPECT_EQ(Closest(id, SomeRays<double>(1000), {}, late).problem().code,
+  EXPECT_EQ(Closest(id, SomeRays<double>(1000).table(), {}, late).problem().code,
             ErrorCode::kDeadlineExceeded);
-  EXPECT_EQ(Any(id, SomeRays<double>(1000), {}, late).problem().code, ErrorCode::kDeadlineExceeded);
+  EXPECT_EQ(Any(id, SomeRays<double>(1000).table(), {}, late).problem().code,
+            ErrorCode::kDeadlineExceeded);
   EXPECT_EQ(Render(id, {}, true, late).problem().code, ErrorCode::kDeadlineExceeded);
 }
 
@@ -336,7 +450,7 @@ TEST_F(CoreBackendTest, AQueryOnATreeThatIsBuiltWaitsItsDeadlineOutAndIsToldToCo
   ASSERT_TRUE(stored.ok());
   const auto building = DescribeNow(stored->id);
   ASSERT_TRUE(building.ok());
-  const auto hasty = Closest(stored->id, SomeRays<double>(1), {},
+  const auto hasty = Closest(stored->id, SomeRays<double>(1).table(), {},
                              CancelToken::WithDeadline(steady_clock::now() + milliseconds(1)));
   if (!building->ready && !hasty.ok()) {
     EXPECT_EQ(hasty.problem().code, ErrorCode::kTreeBuilding);
@@ -345,7 +459,7 @@ TEST_F(CoreBackendTest, AQueryOnATreeThatIsBuiltWaitsItsDeadlineOutAndIsToldToCo
     EXPECT_FALSE(building->tree.has_value());
     EXPECT_EQ(building->mesh.sha256, stored->id.substr(0, 64));
   }
-  EXPECT_TRUE(Closest(stored->id, SomeRays<double>(1), {}, Soon()).ok());
+  EXPECT_TRUE(Closest(stored->id, SomeRays<double>(1).table(), {}, Soon()).ok());
 }
 
 TEST_F(CoreBackendTest, AnAcquiredTreeAnswersAfterItWasDeleted) {
@@ -353,14 +467,18 @@ TEST_F(CoreBackendTest, AnAcquiredTreeAnswersAfterItWasDeleted) {
   EXPECT_EQ(backend_->Find(id), std::nullopt);
   const auto tree = backend_->Acquire(id, TreeUse::kRays, Soon());
   ASSERT_TRUE(tree.ok());
-  const auto before = (*tree)->Closest(SomeRays<double>(100), {}, Soon());
+  const auto ask = [&] {
+    test::Collected<api::ClosestRows> rows;
+    EXPECT_TRUE((*tree)->Closest(SomeRays<double>(100).table(), {}, Soon(), &rows).ok());
+    return rows.hits;
+  };
+  const std::vector<api::RayHit> before = ask();
   EXPECT_EQ(backend_->Delete(id), std::nullopt);
   EXPECT_EQ(backend_->Find(id)->code, ErrorCode::kTreeNotFound);
   EXPECT_EQ(backend_->Acquire(id, TreeUse::kRays, Soon()).problem().code, ErrorCode::kTreeNotFound);
-  const auto after = (*tree)->Closest(SomeRays<double>(100), {}, Soon());
-  ASSERT_TRUE(before.ok() && after.ok());
+  const std::vector<api::RayHit> after = ask();
   for (std::size_t i = 0; i < 100; ++i) {
-    EXPECT_EQ(after->hits[i].triangle, before->hits[i].triangle) << i;
+    EXPECT_EQ(after[i].triangle, before[i].triangle) << i;
   }
 }
 
@@ -528,19 +646,16 @@ TEST_F(CoreBackendTest, PagesOfTheListJoinWithoutGaps) {
 
 TEST_F(CoreBackendTest, AnswersAreTheSameBytesFromMemoryDiskAndEveryThreadCount) {
   const std::string id = Add(Sphere());
-  const api::RayTable rays = SomeRays<double>(20'000);
-  const auto before = Closest(id, rays, {}, Soon());
+  const test::RayRows<double> rays = SomeRays<double>(20'000);
+  const auto before = Closest(id, rays.table(), {}, Soon());
   ASSERT_TRUE(before.ok());
   for (const int threads : {1, 2, 5}) {
     options_.threads = threads;
     Open();
-    const auto after = Closest(id, rays, {}, Soon());
+    const auto after = Closest(id, rays.table(), {}, Soon());
     ASSERT_TRUE(after.ok());
-    for (std::size_t i = 0; i < before->hits.size(); ++i) {
-      const api::RayHit& a = before->hits[i];
-      const api::RayHit& b = after->hits[i];
-      ASSERT_TRUE(a.triangle == b.triangle && a.u == b.u && a.v == b.v &&
-                  (a.t == b.t || (std::isnan(a.t) && std::isnan(b.t))));
+    for (std::size_t i = 0; i < rays.table().size(); ++i) {
+      ExpectSame(before->rows->hits[i], after->rows->hits[i]);
     }
     EXPECT_EQ(backend_->counters().builds, 0u);
     EXPECT_EQ(backend_->counters().loads, 1u);
@@ -551,7 +666,7 @@ TEST_F(CoreBackendTest, AFullDiskIsStoreFullAndWhatIsInMemoryIsServed) {
   const std::string id = Add(Sphere());
   disk_.set_read_only(true);
   EXPECT_EQ(backend_->BeginUpload(100).problem().code, ErrorCode::kStoreFull);
-  EXPECT_TRUE(Closest(id, SomeRays<double>(10), {}, Soon()).ok());
+  EXPECT_TRUE(Closest(id, SomeRays<double>(10).table(), {}, Soon()).ok());
   EXPECT_EQ(backend_->Delete(id)->code, ErrorCode::kStoreFull);
 }
 
@@ -568,7 +683,7 @@ TEST_F(CoreBackendTest, ShutdownEndsWaitsAndAnswersDraining) {
   client.join();
   EXPECT_LT(steady_clock::now() - start, std::chrono::seconds(20));
   Open();
-  EXPECT_TRUE(Closest(stored->id, SomeRays<double>(1), {}, Soon()).ok()) << "resumed";
+  EXPECT_TRUE(Closest(stored->id, SomeRays<double>(1).table(), {}, Soon()).ok()) << "resumed";
 }
 
 TEST(MakeCoreBackend, RefusesOptionsThatCannotBeAndASecondDaemon) {

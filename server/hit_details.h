@@ -1,0 +1,55 @@
+// What an answer says of a hit beside t, triangle, u and v.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "api/row_sink.h"
+#include "api/types.h"
+#include "core/geometry/hit.h"
+#include "core/geometry/ray.h"
+#include "core/scene/scene.h"
+#include "server/mapping.h"
+
+namespace kdray::server {
+
+/// The details that a request names, for some hits at a time. Used by one thread; its memory is
+/// reused.
+class HitDetails {
+ public:
+  HitDetails(const core::Scene& scene, const api::RayOptions& options)
+      : scene_(scene), options_(options) {}
+
+  /// Hit i belongs to ray_of(i), a core::Ray. The result is valid until the next call.
+  template <class RayOf>
+  api::Hits Fill(std::span<const core::Hit> hits, const RayOf& ray_of) {
+    Begin(hits.size());
+    for (std::size_t i = 0; i < hits.size(); ++i) {
+      hits_[i] = ToApi(hits[i]);
+    }
+    if (wants_details_) {
+      for (std::size_t i = 0; i < hits.size(); ++i) {
+        if (hits[i].IsHit()) FillHit(i, ray_of(i), hits[i]);
+      }
+    }
+    return View();
+  }
+
+ private:
+  void Begin(std::size_t count);
+  void FillHit(std::size_t i, const core::Ray& ray, const core::Hit& hit);
+  api::Hits View() const;
+
+  const core::Scene& scene_;
+  const api::RayOptions& options_;
+  const bool wants_details_ = HasDetails(options_);
+  std::vector<api::RayHit> hits_;
+  std::vector<api::Vec3> normals_, points_;
+  std::vector<std::int8_t> sides_;
+
+  static bool HasDetails(const api::RayOptions& options);
+};
+
+}  // namespace kdray::server
