@@ -1,7 +1,7 @@
 """Turns the benchmarks' results into tables and plots.
 
   report.py tradeoff|images|mismatches|latency|hits CSV COMMAND
-  report.py trace|build|points FOLDER COMMAND
+  report.py trace|build|points|http FOLDER COMMAND
 
 Writes the section of that name in tests/bench/README.md, between its two marks, and the plots into
 docs/.
@@ -470,10 +470,71 @@ Parities of counts in `exact`, on closed meshes:
 """)
 
 
+# ---- HTTP ----
+
+PARTS = {"trace": "#00798c", "parse": "#edae49", "encode": "#d1495b", "queue": "#8d99ae", "socket": "#adb5bd"}
+OVERHEAD = {"npy": ("echo", 1.5), "json": ("python", 0.2), "picture": ("python", 1.0)}
+MEMORY = {"npy": 2, "json": 3}
+
+
+def http(folder, command):
+    def read(name):
+        with open(os.path.join(folder, name), newline="") as file:
+            return list(csv.DictReader(file))
+
+    parts = defaultdict(list)
+    for row in read("http.csv"):
+        parts[row["case"], int(row["threads"]), row["part"]].append(float(row["value"]))
+    at = {key: median(values) for key, values in parts.items()}
+    inside = {(row["what"], int(row["threads"])): float(row["ms"]) for row in read("in_process.csv")}
+    peak = {(row["case"], int(row["threads"])): (float(row["peak"]), float(row["body"])) for row in read("memory.csv")}
+    keys = list(dict.fromkeys((case, threads) for case, threads, _ in at))
+
+    lines, bars = [], defaultdict(list)
+    for case, threads in keys:
+        of = lambda part: at.get((case, threads, part), 0.0)  # noqa: E731
+        over = of("total") - of("trace")
+        shares = {part: of(part) for part in PARTS if part != "socket"}
+        shares["socket"] = max(0.0, of("total") - sum(shares.values()))
+        for part, value in shares.items():
+            bars[part].append(value)
+        measure, most = OVERHEAD[case.split()[0]]
+        used, body = peak[case, threads]
+        lines.append([
+            case, str(threads), f"{inside[case, threads]:.1f}",
+            *(f"{value:.1f}" for value in (of("trace"), of("parse"), of("encode"), shares["socket"], of("total"))),
+            f"{over:.1f}", f"{of(measure):.1f} ({measure})", f"**{over / of(measure):.2f}** (at most {most})",
+            f"{used / 1e6:.0f} of {body / 1e6:.0f} MB, **{used / body:.2f}** (at most {MEMORY[case.split()[0]]})" if body > 1000 else "–"])
+
+    figure, axes = plt.subplots(figsize=(9, 0.42 * len(keys) + 1.4))
+    left = [0.0] * len(keys)
+    for part, color in PARTS.items():
+        axes.barh(range(len(keys)), bars[part], left=left, color=color, label=part)
+        left = [a + b for a, b in zip(left, bars[part])]
+    for i, (case, threads) in enumerate(keys):
+        axes.plot([inside[case, threads]] * 2, [i - 0.45, i + 0.45], color="black", linewidth=1.4,
+                  label="in process" if i == 0 else None)
+    axes.set_yticks(range(len(keys)), [f"{case}, {threads} thread{'s' * (threads > 1)}" for case, threads in keys], fontsize=8)
+    axes.invert_yaxis()
+    axes.set(xlabel="milliseconds", title="1,000,000 rays and 1024 x 1024 pixels over HTTP")
+    axes.legend(fontsize=8)
+    save(figure, "http.svg")
+
+    size = at["picture", keys[0][1], "size"], at["picture", keys[0][1], "size_zlib6"]
+    write_section("http", f"""
+{conditions(command)} Medians, in milliseconds. The picture's PNG has {size[0]:,.0f} bytes, {size[0] / size[1]:.2f} of what
+`zlib.compress(filtered rows, 6)` gives.
+
+{table(['', 'threads', 'in process', 'trace', 'parse', 'encode', 'rest', 'total', 'overhead', 'measure', 'ratio', 'memory'], lines)}
+
+![Where the time of a request goes](../../docs/http.svg)
+""")
+
+
 if __name__ == "__main__":
     what, path, said = sys.argv[1:]
-    if what in ("trace", "build", "points"):
-        {"trace": trace, "build": build, "points": points}[what](path, said)
+    if what in ("trace", "build", "points", "http"):
+        {"trace": trace, "build": build, "points": points, "http": http}[what](path, said)
         sys.exit()
     with open(path, newline="") as source:
         {"tradeoff": tradeoff, "images": images, "mismatches": mismatches, "latency": latency,
