@@ -218,12 +218,13 @@ class Walk(ContractTest):
             url = f"{at}{image}?width=16&height=12"
             etag = self.get(url).headers["etag"]
             self.walk("/v1/trees/{id}" + image, "get", [
-                (200, url), (200, url + "&max_noise=0.5"), (200, url + "&budget_ms=1&max_noise=1e-9"),
+                (200, url), (200, url + "&mode=depth"), (200, url + "&max_noise=0.5"), (200, url + "&budget_ms=1&max_noise=1e-9"),
                 (304, url, None, {"If-None-Match": etag}), (400, url + "&samples=0"), (404, nowhere + image),
                 (400, url + "&projection=orthographic&fov_deg=20"), (400, url + "&eye=0,9,0&target=0,0,0&up=0,1,0"),
                 (413, small + image, None, {}, self.narrow)])
             self.walk("/v1/trees/{id}" + image, "post", [
-                (200, at + image, b'{"width": 16, "height": 12}'), (200, at + image, b'{"width": 8, "max_noise": 0.5}'),
+                (200, at + image, b'{"width": 16, "height": 12}'), (200, at + image, b'{"mode": "depth"}'),
+                (200, at + image, b'{"width": 8, "max_noise": 0.5}'),
                 (400, at + image, b'{"width": 0}'), (400, at + image, b"["), (404, nowhere + image, b"{}"),
                 (413, small + image, b"{}", {}, self.narrow), (415, at + image, b"{}", text)])
 
