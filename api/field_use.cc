@@ -78,6 +78,7 @@ constexpr std::array kFieldUses = {
     FieldUse{.field = "color", .modes = {RenderMode::kShaded}},
     FieldUse{.field = "lights", .modes = {RenderMode::kShaded}},
     FieldUse{.field = "shadows", .modes = {RenderMode::kShaded}},
+    FieldUse{.field = "smooth", .modes = {RenderMode::kShaded}},
     FieldUse{.field = "ao_radius", .modes = {RenderMode::kAmbientOcclusion}},
     FieldUse{.field = "background", .forms = {ImageForm::kPng}},
 };

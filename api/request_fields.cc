@@ -50,6 +50,20 @@ Field<RayOptions> IntervalField(std::string_view name, NumberKind kind, Number R
           }};
 }
 
+/// Three numbers, or the file's colours.
+Field<RenderRequest> ColorField() {
+  constexpr VectorKind kKind = {.min = 0, .max = 1, .word = "file"};
+  return {"color", kKind,
+          [](RenderRequest& request, FieldValue value) {
+            request.file_color = std::holds_alternative<std::string>(value);
+            if (!request.file_color) field_detail::Assign(request.color, std::move(value));
+          },
+          [kKind](const RenderRequest& request) -> std::optional<FieldValue> {
+            if (request.file_color) return std::string(kKind.word);
+            return field_detail::Fetch(request.color);
+          }};
+}
+
 Field<RenderRequest> BackgroundField() {
   constexpr VectorKind kKind = {0, 1, "transparent"};
   return {"background", kKind,
@@ -181,10 +195,11 @@ FieldTable<RenderRequest> RenderFields(const Limits& limits) {
       MemberField("depth_range", VectorKind{.count = 2}, &R::depth_range),
       MemberField("samples", UpTo(1, limits.max_samples), &R::samples),
       MemberField("precision", kPrecisionKind, &R::precision),
-      MemberField("color", VectorKind{0, 1}, &R::color),
+      ColorField(),
       BackgroundField(),
       MemberField("lights", LightsKind{kMaxLights}, &R::lights),
       MemberField("shadows", BooleanKind{}, &R::shadows),
+      MemberField("smooth", BooleanKind{}, &R::smooth),
       MemberField("ao_radius", NumberKind{0, kInfinity, true}, &R::ao_radius),
       MemberField("edges", BooleanKind{}, &R::edges),
       MemberField("cells_depth", IntegerKind{0, kMaxDepth}, &R::cells_depth),

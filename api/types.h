@@ -243,10 +243,12 @@ struct RenderRequest {
   std::optional<std::int64_t> samples;               ///< per pixel; nullopt: see DefaultSamples
   Precision precision = Precision::kAuto;
   Vec3 color = {0.93, 0.88, 0.81};  ///< of the surface, sRGB 0..1
+  bool file_color = false;          ///< color=file: that of the file, where it has one
   std::optional<Vec3> background;   ///< sRGB 0..1; see `transparent`. nullopt: DefaultBackground
   bool transparent = false;         ///< background=transparent
   std::optional<std::vector<Light>> lights;  ///< nullopt: a headlight
   bool shadows = false;                      ///< lights are hidden by what is between
+  bool smooth = false;                       ///< by the vertex normals of the file
   std::optional<double> ao_radius;  ///< of ambient occlusion; nullopt: a share of the mesh's size
   bool edges = false;  ///< draws the edges of the file's faces
   std::optional<std::int64_t> cells_depth;

@@ -205,9 +205,13 @@ class CoreLoadedTree final : public LoadedTree {
 
   api::Outcome<api::RenderAnswer> Render(const api::RenderRequest& request, bool png,
                                          const CancelToken& cancel) const override {
+    core::AttributeKinds kinds;
+    if (request.smooth) kinds.Add(core::AttributeKind::kShadingNormal);
+    if (request.file_color) kinds.Add(core::AttributeKind::kColor);
+    if (request.edges) kinds.Add(core::AttributeKind::kEdges);
     std::shared_ptr<const core::MeshAttributes> attributes;
-    if (request.edges) {
-      auto loaded = Attributes({core::AttributeKind::kEdges}, cancel);
+    if (!kinds.empty()) {
+      auto loaded = Attributes(kinds, cancel);
       if (!loaded.ok()) return ToProblem(loaded.error());
       attributes = *std::move(loaded);
     }
@@ -220,9 +224,7 @@ class CoreLoadedTree final : public LoadedTree {
             const auto samples = api::DefaultSamples(request.mode, api::ImageForm::kNpy);
             if (samples) spec.samples = static_cast<int>(*samples);
           }
-          if (attributes != nullptr) {
-            spec.edges = [attributes](core::PrimitiveId id) { return attributes->Edges(id); };
-          }
+          AddSurface(request, attributes.get(), &spec);
           spec.max_cells = static_cast<std::size_t>(runner_.limits.max_picture_cells);
           if (spec.budget) spec.budget = std::min(*spec.budget, TimeToTrace(cancel));
           core::Result<core::RenderedImage> image = core::Render(scene_, spec, cancel);
@@ -277,6 +279,24 @@ class CoreLoadedTree final : public LoadedTree {
     if (!range.ok()) return ToProblem(range.error());
     image->depth_range = *range;
     return std::nullopt;
+  }
+
+  // Sets what the request takes from the mesh's file; `attributes` must outlive the spec.
+  static void AddSurface(const api::RenderRequest& request, const core::MeshAttributes* attributes,
+                         core::RenderSpec* spec) {
+    if (request.edges) {
+      spec->edges = [attributes](core::PrimitiveId id) { return attributes->Edges(id); };
+    }
+    if (request.smooth && attributes->has(core::AttributeKind::kShadingNormal)) {
+      spec->smooth_normals = [attributes](core::PrimitiveId id, double u, double v) {
+        return attributes->ShadingNormal(id, u, v);
+      };
+    }
+    if (request.file_color && attributes->has(core::AttributeKind::kColor)) {
+      spec->file_colors = [attributes](core::PrimitiveId id, double u, double v) {
+        return attributes->Color(id, u, v);
+      };
+    }
   }
 
   static api::Check Encode(const core::RenderedImage& image, const CancelToken& cancel,

@@ -37,7 +37,7 @@ constexpr std::array kFields = {
     Field{"samples", "N",
           "Rays a pixel; when left out 1 in a .npy, and in a .png as many as smooth edges need"},
     Field{"precision", "NAME", kPrecisionHelp},
-    Field{"color", "R,G,B", "Of the surface, sRGB in 0..1: 0.93,0.88,0.81 when left out"},
+    Field{"color", "R,G,B", "Of the surface, sRGB in 0..1, or file: 0.93,0.88,0.81 when left out"},
     Field{"background", "R,G,B",
           "sRGB in 0..1, or transparent; white when left out, black unless the mode shows light"},
     Field{"lights", "JSON",
@@ -45,6 +45,7 @@ constexpr std::array kFields = {
           "light at "
           "the eye when left out"},
     Field{"shadows", "BOOL", "Surfaces hide lights: false when left out"},
+    Field{"smooth", "BOOL", "Shade by the vertex normals of the file: false when left out"},
     Field{"ao_radius", "LENGTH",
           "Ambient occlusion: how far surfaces count; a tenth of the mesh's size when left out"},
     Field{"edges", "BOOL", "Draw the edges of the file's faces: false when left out"},

@@ -160,11 +160,11 @@ const std::vector<FieldCase> kRenderCases = {
      kNotText},
     {"color",
      "0.93,0.88,0.81",
-     {"0,0,0", "1,1,1", "0.5,0.25,0"},
-     {"-0.1,0,0", "0,1.1,0", "red", "transparent"},
-     {"[0,0,0]", "[1,1,1]"},
-     {"[0,0,1.001]", "[-0.001,0,0]"},
-     kNotAVector},
+     {"0,0,0", "1,1,1", "0.5,0.25,0", "file"},
+     {"-0.1,0,0", "0,1.1,0", "red", "transparent", "File", "file,0,0"},
+     {"[0,0,0]", "[1,1,1]", "\"file\""},
+     {"[0,0,1.001]", "[-0.001,0,0]", "\"red\""},
+     {"null", "true", "1", "{}", "[]", "[0,0]", "[0,0,null]"}},
     {"background",
      "",
      {"0,0,0", "1,1,1", "transparent"},
@@ -212,6 +212,7 @@ const std::vector<FieldCase> kRenderCases = {
      {"true", "false"},
      {"\"true\""},
      {"null", "1", "[]", "{}"}},
+    {"smooth", "false", {"true", "false"}, {"", "1"}, {"true"}, {"\"true\""}, {"null", "1", "[]"}},
     {"ao_radius",
      "",
      {"1e-300", "1e300"},
@@ -419,7 +420,9 @@ FieldValue RandomValue(const FieldKind& kind, std::mt19937_64& random) {
 
 /// A parameter's text as the JSON value that means the same.
 std::string AsJson(const FieldKind& kind, const std::string& text) {
-  if (std::holds_alternative<ChoiceKind>(kind) || text == "transparent") return '"' + text + '"';
+  if (std::holds_alternative<ChoiceKind>(kind) || text == "transparent" || text == "file") {
+    return '"' + text + '"';
+  }
   const bool list =
       std::holds_alternative<VectorKind>(kind) || std::holds_alternative<IntegersKind>(kind);
   return list ? '[' + text + ']' : text;
@@ -450,6 +453,8 @@ const std::vector<Belonging> kBelongings = {
     {"color", "1,0,0", "0.93,0.88,0.81", {}, {"shaded"}, {}},
     {"lights", R"([{"direction":[0,0,1]}])", "", {}, {"shaded"}, {}},
     {"shadows", "true", "false", {}, {"shaded"}, {}},
+    {"color", "file", "0.93,0.88,0.81", {}, {"shaded"}, {}},
+    {"smooth", "true", "false", {}, {"shaded"}, {}},
     {"ao_radius", "2", "", {}, {"ambient-occlusion"}, {}},
     {"background", "transparent", "", {}, {}, {"render.png"}},
     {"background", "0.5,0.5,0.5", "", {}, {}, {"render.png"}},
@@ -487,9 +492,9 @@ TEST(UnusedFields, AreRefusedByNameUnlessTheyHaveTheirDefault) {
             return DecodeRenderQuery(kind + "&" + name + "=" + std::string(value), form, kLimits);
           };
           const bool is_list = text.find(',') != std::string::npos && text[0] != '[';
-          const std::string value = is_list                 ? "[" + text + "]"
-                                    : text == "transparent" ? "\"transparent\""
-                                                            : text;
+          const std::string value = is_list                                   ? "[" + text + "]"
+                                    : text == "transparent" || text == "file" ? '"' + text + '"'
+                                                                              : text;
           const auto body = DecodeRenderBody(json + "\"" + name + "\":" + value + "}", form,
                                              std::nullopt, kLimits);
           const bool is_used =

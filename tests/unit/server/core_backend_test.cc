@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -538,6 +539,43 @@ TEST_F(CoreBackendTest, EdgesOfAPolygonAreDrawnWithoutItsDiagonals) {
   EXPECT_LT(light_at(triangles, 20, 20), 0.5F * light_at(polygon, 20, 20)) << "the diagonal";
   EXPECT_EQ(light_at(triangles, 10, 20), light_at(polygon, 10, 20)) << "beside it";
   EXPECT_EQ(backend_->counters().attribute_reads, 2u) << "once for each file";
+}
+
+TEST_F(CoreBackendTest, ColoursAndNormalsOfTheFileAreUsedWhereTheyAreNamed) {
+  // Red vertices, whose normals are turned by 60 degrees from the triangle's own.
+  const std::string obj =
+      "v -1 -1 0 1 0 0\nv 1 -1 0 1 0 0\nv 0 1 0 1 0 0\nvn 0.8660254037844386 0 0.5\n"
+      "f 1//1 2//1 3//1\n";
+  MeshBytesVector bytes(obj.size());
+  std::memcpy(bytes.data(), obj.data(), obj.size());
+  const auto stored = Upload(bytes, api::Build::kAuto);
+  ASSERT_TRUE(stored.ok());
+  ASSERT_TRUE(
+      backend_->Describe(stored->id, steady_clock::now() + std::chrono::minutes(1), {}).ok());
+  api::RenderRequest request;
+  request.width = request.height = 21;
+  request.projection = api::Projection::kOrthographic;
+  request.view = api::View::kFront;
+  request.color = {1, 1, 1};
+  const auto middle = [&] {
+    const auto array = Render(stored->id, request, false, Soon());
+    EXPECT_TRUE(array.ok()) << array.problem().detail;
+    const auto& values =
+        std::get<std::vector<float>>(std::get<api::ImageArray>(array->image).values);
+    const float* pixel = values.data() + std::size_t{4} * (21 * 10 + 10);
+    return std::array<float, 3>{pixel[0], pixel[1], pixel[2]};
+  };
+  const auto plain = middle();
+  EXPECT_EQ(backend_->counters().attribute_reads, 0u);
+  request.smooth = true;
+  const auto smooth = middle();
+  request.file_color = true;
+  const auto red = middle();
+  EXPECT_EQ(plain[0], plain[1]);
+  EXPECT_NEAR(smooth[0], 0.5F * plain[0], 1e-3F) << "the cosine of 60 degrees";
+  EXPECT_NEAR(red[0], smooth[0], 1e-3F);
+  EXPECT_EQ(red[1], 0.0F);
+  EXPECT_EQ(red[2], 0.0F);
 }
 
 TEST_F(CoreBackendTest, RegionsOfADepthPictureHaveTheRangeOfTheWhole) {
