@@ -284,7 +284,7 @@ class Examples(ContractTest):
 
     def test_schemas_refuse_what_is_no_example(self):
         render = self.contract.document["components"]["schemas"]["RenderRequest"]
-        for wrong in ({"widht": 1}, {"width": 0}, {"eye": [0, 0]}, {"mode": "cost"}, {"background": "blue"}):
+        for wrong in ({"widht": 1}, {"width": 0}, {"eye": [0, 0]}, {"mode": "wireframe"}, {"background": "blue"}):
             with self.assertRaises(jsonschema.ValidationError):
                 self.contract.validate(render, wrong)
 
