@@ -68,6 +68,7 @@ END
 libembree-dev
 nginx-light
 python3-matplotlib
+python3-pil
 wrk
 END
     lint) cat <<'END' ;;
