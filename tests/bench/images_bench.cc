@@ -64,7 +64,7 @@ Rendered Render(const core::Scene& scene, core::RenderSpec spec, int runs) {
       std::cerr << "bench_images: " << image.error().message << "\n";
       std::exit(1);
     }
-    rendered = {{kWidth, kHeight, {}}, {}, image->samples, 0};
+    rendered = {{kWidth, kHeight, {}}, {}, static_cast<double>(image->samples), 0};
     const auto values = std::get<core::Film<float>>(image->values).values();
     for (std::size_t i = 0; i < values.size(); i += 4) {
       for (std::size_t c = 0; c < 3; ++c) {

@@ -353,8 +353,9 @@ TEST(Examples, OfPointQueriesAreReadAndWritten) {
       BatchType::kJson, Limits{});
   ASSERT_TRUE(points) << points.problem().detail;
   const auto expect = [&](const char* path, const auto& rows) {
-    const PointOptions options;
-    PointWriter writer(*points, options, BatchType::kJson);
+    const auto options = DecodeClosestPointOptions("", Limits{});
+    ASSERT_TRUE(options) << options.problem().detail;
+    PointWriter writer(*points, *options, BatchType::kJson);
     writer.Put(std::span(rows));
     EXPECT_EQ(json::parse(std::move(writer).Finish({})),
               Example("/paths/~1v1~1trees~1{id}~1points~1" + std::string(path) + "/post" + kOkJson +
@@ -394,7 +395,10 @@ TEST(Examples, OfDescriptionsAreWhatIsWritten) {
                0,
                4,
                {{0, 0, 0}, {1, 1, 0}},
-               {0, 0, 0, 4, 0, false, 0x1p-52}};
+               {0, 0, 0, 4, 0, false, 0x1p-52},
+               1,
+               std::nullopt,
+               std::vector<std::string>{}};
   tree.mesh_known = true;
   tree.tree = {Build::kBox, 1, 1, 0, 2, 0, {0, 0, 1}, 2, facts["bytes"], 4, 1, 4, 0.0625, 0.03125};
   tree.plan = ready["plan"];

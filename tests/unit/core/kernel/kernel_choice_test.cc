@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "core/geometry/hit.h"
 #include "tests/support/scenes.h"
 #include "tests/support/shapes.h"
 
@@ -22,13 +23,19 @@ class KernelChoice : public testing::Test {
     job.precision = precision;
     job.rays = std::span<const RayF>(rays);
     occluded_.resize(rays.size());
-    if (any) job.occluded = occluded_.data();
+    hits_.resize(rays.size());
+    if (any) {
+      job.occluded = occluded_.data();
+    } else {
+      job.hits = hits_.data();
+    }
     ChooseKernel({}, &job);
     return job;
   }
 
   const Scene scene_ = test::MakeScene(test::UvSphere({0, 0, 0}, 1, 20, 40));
   std::vector<std::uint8_t> occluded_;
+  std::vector<Hit> hits_;
   std::mt19937 engine_{11};
   std::uniform_real_distribution<float> any_{-1, 1};
 
