@@ -100,10 +100,13 @@ export class Picture {
       : QUALITY.none;
   }
 
-  /** These modes take one sample per pixel; more is an error. */
+  /** The other modes take one sample per pixel; more is an error. */
+  takesSamples() {
+    return !['depth', 'triangle', 'cost'].includes(this.scene.query.mode);
+  }
+
   isFineUseful() {
-    return !['depth', 'triangle'].includes(this.scene.query.mode) &&
-      this.shown.totalMs < SLOW_MS;
+    return this.takesSamples() && this.shown.totalMs < SLOW_MS;
   }
 
   async request(quality) {
@@ -115,6 +118,7 @@ export class Picture {
     try {
       const parameters = { ...query, ...camera.parameters(), ...size };
       if (quality === QUALITY.fine) parameters.samples = FINE_SAMPLES;
+      if (quality === QUALITY.moving && this.takesSamples()) parameters.samples = 1;
       const started = performance.now();
       const response = await this.api.render(id, parameters, abort.signal);
       const bitmap = await createImageBitmap(await response.blob());

@@ -12,7 +12,8 @@ import { TreeList } from './tree_list.js';
 import { acceptDrops, Uploads } from './uploads.js';
 
 const LIST_EVERY_MS = 15000;
-const MODES = ['shaded', 'normal', 'depth', 'triangle']; // of the contract, which names them
+// Of the contract, which names them; `position` has no picture.
+const MODES = ['shaded', 'normal', 'depth', 'triangle', 'ambient-occlusion', 'cost'];
 const DEEPEST_CELLS = 24; // a slider with more steps cannot be aimed; deeper cells are specks
 
 const byId = (id) => document.getElementById(id);

@@ -318,7 +318,7 @@ TEST_F(RealBackend, RefusesWrongInputAndGoesOn) {
       {"POST", "/v1/trees", ply, 422, "invalid_mesh"},
       {"POST", "/v1/trees", "certainly no mesh", 415, "unsupported_mesh_format"},
       {"POST", "/v1/trees", "v 0 0 0\nv 1 0 0\n", 422, "empty_mesh"},
-      {"POST", path + "/points/closest", "{}", 404, "not_found"},
+      {"POST", path + "/points/nearest", "{}", 404, "not_found"},
       {"GET", path + "/tradeoffs", "", 404, "not_found"},
   };
   for (const Case& wrong : cases) {

@@ -103,7 +103,7 @@ TEST_F(ServiceOverHttp, ChecksEveryFieldOfARequest) {
        "",
        "width=1&height=1",
        {"width=0", "width=-1", "width=x", "height=1.5", "width=1&width=1"}},
-      {"GET", Tree("/render.png"), "", "mode=depth", {"mode=", "mode=wireframe", "mode=cost"}},
+      {"GET", Tree("/render.png"), "", "mode=depth", {"mode=", "mode=wireframe", "mode=position"}},
       {"GET", Tree("/render.png"), "", "samples=1024", {"samples=0", "samples=1025"}},
       {"GET",
        Tree("/render.png"),

@@ -71,7 +71,7 @@ TEST(Routes, KnowNoOtherPath) {
                            "/problems",
                            "/problems/",
                            "v1",
-                           "/v1/trees/x/points/closest",
+                           "/v1/trees/x/points/nearest",
                            "/metrics/"}) {
     EXPECT_EQ(Find("GET", path).route, nullptr) << path;
   }
