@@ -10,7 +10,7 @@
 
 namespace kdray::api {
 
-/// Accounts for so many bytes more: the problem if they must not be taken.
+/// Charges a number of bytes to the request: the problem if they are refused.
 using ChargeBytes = std::function<Check(std::uint64_t bytes)>;
 
 /// Calls piece(0) to piece(count - 1), perhaps from many threads at once, and waits for all.

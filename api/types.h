@@ -250,7 +250,7 @@ struct RenderRequest {
   bool shadows = false;                      ///< lights are hidden by what is between
   bool smooth = false;                       ///< by the vertex normals of the file
   std::optional<double> ao_radius;  ///< of ambient occlusion; nullopt: a share of the mesh's size
-  bool edges = false;  ///< draws the edges of the file's faces
+  bool edges = false;               ///< draws the edges of the file's faces
   std::optional<std::int64_t> cells_depth;
   std::optional<Region> region;
   std::uint64_t seed = 0;

@@ -139,8 +139,8 @@ int SideMet(const TriangleMesh& mesh, const Ray& ray, PrimitiveId id) {
 
 double SurfaceOffset(const TriangleMesh& mesh, Precision precision, bool float_rows) {
   const MeshFrame& frame = mesh.frame();
-  const double local = std::max(MaxAbs(frame.ToLocal(mesh.bounds().min)),
-                                MaxAbs(frame.ToLocal(mesh.bounds().max)));
+  const double local =
+      std::max(MaxAbs(frame.ToLocal(mesh.bounds().min)), MaxAbs(frame.ToLocal(mesh.bounds().max)));
   const double largest = std::max(MaxAbs(mesh.bounds().min), MaxAbs(mesh.bounds().max));
   return ScaleByPowerOfTwo(ShareOfTest(precision) * local, frame.exponent) +
          (float_rows ? 0x1p-21 : 0x1p-49) * largest;

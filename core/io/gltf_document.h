@@ -113,7 +113,7 @@ struct GltfDocument {
   std::vector<GltfNode> nodes;
   std::vector<std::uint64_t> links;  ///< numbers of nodes
   /// The nodes where the default scene begins: those of the scene that `scene` names, else of the
-  /// first scene; in a file without scenes, those that are nobody's children.
+  /// first scene; in a file without scenes, all nodes without a parent.
   std::vector<std::uint64_t> roots;
   bool may_be_quantized = false;  ///< the file names KHR_mesh_quantization
 };

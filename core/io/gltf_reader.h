@@ -10,7 +10,7 @@
 namespace kdray::core {
 
 /// Reads the triangles of the default scene: that of `scene`, else the first; in a file without
-/// scenes, all nodes that are nobody's children. Nodes are taken depth first, a node's mesh before
+/// scenes, all nodes without a parent. Nodes are taken depth first, a node's mesh before
 /// its children, and primitives in their order. Transforms are multiplied and applied in double; a
 /// node whose determinant is negative exchanges the second and third corner of its triangles. Each
 /// primitive of each node has vertices of its own.

@@ -136,10 +136,10 @@ class MeshAttributes {
 };
 
 /// Reads the attributes of these kinds from a mesh file that ReadMesh reads. The triangle numbers
-/// are ReadMesh's, because the same readers report them. An attribute that is not valid (a number
-/// that is none, an index without a value) is missing at its corner; it does not make the file
-/// invalid. Errors: those of ReadMesh. `options.on_counts` gets counts that include the memory of
-/// the attributes.
+/// are ReadMesh's, because the same readers report them. An invalid attribute (text in place of a
+/// number, an index without a value) is missing at its corner; it does not make the file invalid.
+/// Errors: those of ReadMesh. `options.on_counts` gets counts that include the memory of the
+/// attributes.
 Result<MeshAttributes> ReadAttributes(std::span<const std::byte> bytes, AttributeKinds kinds,
                                       const MeshReadOptions& options = {});
 

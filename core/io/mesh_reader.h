@@ -34,7 +34,7 @@ struct MeshReadOptions {
   /// Called with the counts before memory is allocated for them, and again when more is known. Its
   /// error ends the reading.
   std::function<Status(const MeshCounts&)> on_counts = nullptr;
-  /// Gets what the file says besides triangles (core/io/attribute_sink.h); null: nobody asks.
+  /// Gets what the file says besides triangles (core/io/attribute_sink.h); null if not asked for.
   AttributeSink* attributes = nullptr;
 
   Status Counted(const MeshCounts& counts) const {

@@ -195,7 +195,7 @@ class ObjReader {
     }
   }
 
-  // As many of a statement's numbers as there are; the others are 0, and one that is none is NaN.
+  // As many of a statement's numbers as there are; the others are 0, and an invalid one is NaN.
   static Vec3d ReadNumbers(TextCursor& cursor, int count) {
     Vec3d numbers;
     for (int i = 0; i < count; ++i) {

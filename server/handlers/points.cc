@@ -79,7 +79,7 @@ api::Outcome<HttpResponse> AnswerPoints(
     writer.Put(rows);
     encode_ms += encoding.ms();
     full = memory.Cover(points->size() * sizeof(api::Vec3) + writer.memory_bytes());
-    if (full) computation->cancel.Cancel();  // nobody needs the rest
+    if (full) computation->cancel.Cancel();  // the rest of the answer is not needed
   };
   const auto report = (*computation->tree.*ask)(*points, *options, computation->cancel, put);
   if (full) return *std::move(full);

@@ -125,8 +125,9 @@ Answer Client::QueryRays(const std::string& id, const std::string& query, const 
   return {std::move(body), std::move(response)};
 }
 
-Answer Client::QueryPoints(const std::string& id, const std::string& query, const Parameters& options,
-                         const LocalFile& points, const std::string& accept) {
+Answer Client::QueryPoints(const std::string& id, const std::string& query,
+                           const Parameters& options, const LocalFile& points,
+                           const std::string& accept) {
   HttpResponse response = Call({.method = "POST",
                                 .path = TreePath(id) + "/points/" + query,
                                 .query = options,

@@ -87,7 +87,7 @@ TEST(MeshAttributes, AreMissingWhereTheFileHasNoneOrAWrongNumber) {
     EXPECT_TRUE(std::isnan(mesh.Uv(id, 0, 0)[1]));
     ExpectNone(mesh.ShadingNormal(id, 0, 0));
   }
-  EXPECT_TRUE(std::isnan(mesh.Uv(2, 0, 0)[1]));  // the number that is none
+  EXPECT_TRUE(std::isnan(mesh.Uv(2, 0, 0)[1]));  // the invalid number
   ExpectNone(mesh.ShadingNormal(2, 0, 0));       // a normal without a direction
   ExpectUv(mesh, 3, 0.2, 0.3, {1, 1});
   ExpectVector(mesh.ShadingNormal(3, 0.2, 0.3), {0, 0, 1});
