@@ -248,6 +248,19 @@ api::Problem ToProblem(const core::Error& error, api::ErrorCode not_found) {
   return problem;
 }
 
+api::Check ToCheck(const core::Status& status) {
+  if (status.ok()) return std::nullopt;
+  return ToProblem(status.error());
+}
+
+api::Problem TooManyCells(std::string_view parameter, std::int64_t depth, std::uint64_t limit) {
+  return {.code = api::ErrorCode::kTooManyCells,
+          .detail = "at depth " + std::to_string(depth) + " there are more than " +
+                    std::to_string(limit) + " cells",
+          .parameter = std::string(parameter),
+          .limit = static_cast<double>(limit)};
+}
+
 std::optional<core::BuildKind> ToCore(api::Build build) { return kBuilds.ToCore(build); }
 api::Build ToApi(core::BuildKind build) { return kBuilds.ToApi(build); }
 

@@ -32,6 +32,11 @@ namespace kdray::server {
 api::Problem ToProblem(const core::Error& error,
                        api::ErrorCode not_found = api::ErrorCode::kTreeNotFound);
 
+api::Check ToCheck(const core::Status& status);
+
+/// `parameter` names the depth in the request; `limit` is the most cells that an answer holds.
+api::Problem TooManyCells(std::string_view parameter, std::int64_t depth, std::uint64_t limit);
+
 /// nullopt for `auto`.
 std::optional<core::BuildKind> ToCore(api::Build build);
 api::Build ToApi(core::BuildKind build);

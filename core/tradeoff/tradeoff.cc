@@ -6,6 +6,7 @@
 #include <span>
 #include <utility>
 
+#include "core/base/elapsed.h"
 #include "core/scene/scene.h"
 #include "core/trace/trace.h"
 #include "core/tradeoff/accuracy_judge.h"
@@ -30,10 +31,6 @@ constexpr double kJudgingProgress = 0.2;
 // the end enough for every thread.
 constexpr std::size_t kFirstBatch = 64;
 constexpr std::size_t kRaysPerThread = 4096;
-
-double MillisecondsSince(SteadyClock::time_point start) {
-  return std::chrono::duration<double, std::milli>(SteadyClock::now() - start).count();
-}
 
 bool SameBits(const Hit& a, const Hit& b) {
   const auto same = [](double x, double y) {
