@@ -57,16 +57,27 @@ void VisitField(RayField field, const Hits& hits, const F& f) {
       return f([p = hits.points](std::size_t i) { return p[i]; });
     case RayField::kSide:
       return f([s = hits.sides](std::size_t i) { return std::int64_t{s[i]}; });
+    case RayField::kGroup:
+      return f([g = hits.groups](std::size_t i) { return std::int64_t{g[i]}; });
+    case RayField::kUv:
+      return f([uv = hits.uvs](std::size_t i) { return uv[i]; });
+    case RayField::kShadingNormal:
+      return f([n = hits.shading_normals](std::size_t i) { return n[i]; });
   }
 }
 
-bool IsInteger(RayField field) { return field == RayField::kTriangle || field == RayField::kSide; }
+bool IsInteger(RayField field) {
+  return field == RayField::kTriangle || field == RayField::kSide || field == RayField::kGroup;
+}
 /// The numbers of a field.
 std::size_t LengthOf(RayField field) {
   switch (field) {
     case RayField::kNormal:
     case RayField::kPoint:
+    case RayField::kShadingNormal:
       return 3;
+    case RayField::kUv:
+      return 2;
     default:
       return 1;
   }

@@ -12,11 +12,15 @@
 namespace kdray::api {
 
 /// Hits, one after the other, with their details: each list of details is empty unless its field is
-/// requested; then it has one element per hit. NaN and side 0 stand for a miss.
+/// requested; then it has one element per hit. NaN, side 0 and group -1 stand for a miss, and for
+/// what the file does not have.
 struct Hits {
   std::span<const RayHit> hits;
   std::span<const Vec3> normals, points;
   std::span<const std::int8_t> sides;
+  std::span<const std::int32_t> groups = {};
+  std::span<const std::array<double, 2>> uvs = {};
+  std::span<const Vec3> shading_normals = {};
 
   std::size_t size() const { return hits.size(); }
 };

@@ -11,6 +11,7 @@
 #include "core/intersect/hit_filter.h"
 #include "core/io/mesh_attributes.h"
 #include "core/trace/trace.h"
+#include "server/hit_details.h"
 #include "server/mapping.h"
 #include "server/point_queries.h"
 #include "server/ray_queries.h"
@@ -161,6 +162,8 @@ class CoreLoadedTree final : public LoadedTree {
   api::Outcome<api::BatchReport> Rays(const api::RayTable& rays, const api::RayOptions& options,
                                       core::Precision automatic, const CancelToken& cancel,
                                       const Work& work) const {
+    const auto attributes = Attributes(AttributesFor(options), cancel);
+    if (!attributes.ok()) return ToProblem(attributes.error());
     return Query<api::BatchReport>(
         options.precision, automatic, cancel,
         [&](core::TraceOptions trace, api::BatchReport* report) {
@@ -172,7 +175,7 @@ class CoreLoadedTree final : public LoadedTree {
             trace.surface_offset = core::SurfaceOffset(*scene_.mesh, trace.precision, in_float);
             report->offset = trace.surface_offset;
           }
-          return work(RayQuery{scene_, rays, options, trace}, report);
+          return work(RayQuery{scene_, rays, options, trace, attributes->get()}, report);
         });
   }
 

@@ -23,9 +23,19 @@ core::Vec3d PointOf(const core::TriangleMesh& mesh, const core::Hit& hit) {
 
 }  // namespace
 
+core::AttributeKinds AttributesFor(const api::RayOptions& options) {
+  using enum api::RayField;
+  core::AttributeKinds kinds;
+  if (options.Names(kGroup)) kinds.Add(core::AttributeKind::kGroup);
+  if (options.Names(kUv)) kinds.Add(core::AttributeKind::kUv);
+  if (options.Names(kShadingNormal)) kinds.Add(core::AttributeKind::kShadingNormal);
+  return kinds;
+}
+
 bool HitDetails::HasDetails(const api::RayOptions& options) {
   using enum api::RayField;
-  return options.Names(kNormal) || options.Names(kPoint) || options.Names(kSide);
+  return options.Names(kNormal) || options.Names(kPoint) || options.Names(kSide) ||
+         !AttributesFor(options).empty();
 }
 
 void HitDetails::Begin(std::size_t count) {
@@ -34,6 +44,9 @@ void HitDetails::Begin(std::size_t count) {
   if (options_.Names(kNormal)) normals_.assign(count, kNoVector);
   if (options_.Names(kPoint)) points_.assign(count, kNoVector);
   if (options_.Names(kSide)) sides_.assign(count, 0);
+  if (options_.Names(kGroup)) groups_.assign(count, core::MeshAttributes::kNoGroup);
+  if (options_.Names(kUv)) uvs_.assign(count, {kNaN, kNaN});
+  if (options_.Names(kShadingNormal)) shading_normals_.assign(count, kNoVector);
 }
 
 void HitDetails::FillHit(std::size_t i, const core::Ray& ray, const core::Hit& hit) {
@@ -43,10 +56,21 @@ void HitDetails::FillHit(std::size_t i, const core::Ray& ray, const core::Hit& h
   if (!sides_.empty()) {
     sides_[i] = static_cast<std::int8_t>(core::SideMet(mesh, ray, hit.primitive_id));
   }
+  if (!groups_.empty()) groups_[i] = attributes_->Group(hit.primitive_id);
+  if (!uvs_.empty()) uvs_[i] = attributes_->Uv(hit.primitive_id, hit.u, hit.v);
+  if (!shading_normals_.empty()) {
+    shading_normals_[i] = ToVec(attributes_->ShadingNormal(hit.primitive_id, hit.u, hit.v));
+  }
 }
 
 api::Hits HitDetails::View() const {
-  return {.hits = hits_, .normals = normals_, .points = points_, .sides = sides_};
+  return {.hits = hits_,
+          .normals = normals_,
+          .points = points_,
+          .sides = sides_,
+          .groups = groups_,
+          .uvs = uvs_,
+          .shading_normals = shading_normals_};
 }
 
 }  // namespace kdray::server

@@ -1,6 +1,7 @@
 // What an answer says of a hit beside t, triangle, u and v.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -10,17 +11,23 @@
 #include "api/types.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/ray.h"
+#include "core/io/mesh_attributes.h"
 #include "core/scene/scene.h"
 #include "server/mapping.h"
 
 namespace kdray::server {
 
+/// The attributes of the mesh's file that the fields need.
+core::AttributeKinds AttributesFor(const api::RayOptions& options);
+
 /// The details that a request names, for some hits at a time. Used by one thread; its memory is
 /// reused.
 class HitDetails {
  public:
-  HitDetails(const core::Scene& scene, const api::RayOptions& options)
-      : scene_(scene), options_(options) {}
+  /// `attributes` may be null if no field needs them.
+  HitDetails(const core::Scene& scene, const core::MeshAttributes* attributes,
+             const api::RayOptions& options)
+      : scene_(scene), attributes_(attributes), options_(options) {}
 
   /// Hit i belongs to ray_of(i), a core::Ray. The result is valid until the next call.
   template <class RayOf>
@@ -43,11 +50,15 @@ class HitDetails {
   api::Hits View() const;
 
   const core::Scene& scene_;
+  const core::MeshAttributes* attributes_;
   const api::RayOptions& options_;
   const bool wants_details_ = HasDetails(options_);
   std::vector<api::RayHit> hits_;
   std::vector<api::Vec3> normals_, points_;
   std::vector<std::int8_t> sides_;
+  std::vector<std::int32_t> groups_;
+  std::vector<std::array<double, 2>> uvs_;
+  std::vector<api::Vec3> shading_normals_;
 
   static bool HasDetails(const api::RayOptions& options);
 };

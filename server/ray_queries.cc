@@ -187,7 +187,7 @@ class BlockOfAll {
       row_of_hit.insert(row_of_hit.end(), counts.back(), i);
     }
     const std::size_t hit = all_.first[row];
-    HitDetails details(query_.scene, query_.options);
+    HitDetails details(query_.scene, query_.attributes, query_.options);
     const api::Hits hits = details.Fill(std::span(all_.hits).subspan(hit, row_of_hit.size()),
                                         [&](std::size_t i) { return rays_[row_of_hit[i]]; });
     sink->Put({.first_row = first_row_ + row,
@@ -221,7 +221,7 @@ api::Check AnswerClosest(const RayQuery& query, api::RowSink<api::ClosestRows>* 
       },
       [&](const core::RayBatch& rays, std::size_t first_row, std::span<const core::Hit> hits,
           std::size_t first, std::size_t last) {
-        HitDetails details(query.scene, query.options);
+        HitDetails details(query.scene, query.attributes, query.options);
         for (; first < last; first += kPutRows) {
           sink->Put({.first_row = first_row + first,
                      .hits = details.Fill(hits.subspan(first, std::min(kPutRows, last - first)),

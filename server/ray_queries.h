@@ -7,6 +7,7 @@
 #include "api/ray_table.h"
 #include "api/row_sink.h"
 #include "api/types.h"
+#include "core/io/mesh_attributes.h"
 #include "core/scene/scene.h"
 #include "core/trace/trace.h"
 
@@ -18,6 +19,7 @@ struct RayQuery {
   const api::RayTable& rays;
   const api::RayOptions& options;
   const core::TraceOptions& trace;
+  const core::MeshAttributes* attributes = nullptr;  ///< those that the options' fields need
 };
 
 // Each hands every row to the sink and fills the report's lists of rows and its times. Runs in the

@@ -50,8 +50,10 @@ std::array<double, 2> MeshAttributes::Uv(PrimitiveId id, double u, double v) con
   const auto [a, b, c] = (uv_corners_.empty() ? vertex_corners_ : uv_corners_)[id];
   if (a == kNoValue || b == kNoValue || c == kNoValue) return {kNan, kNan};
   const double w = 1 - u - v;
-  return {w * uvs_[a][0] + u * uvs_[b][0] + v * uvs_[c][0],
-          w * uvs_[a][1] + u * uvs_[b][1] + v * uvs_[c][1]};
+  const std::array<double, 2> uv = {w * uvs_[a][0] + u * uvs_[b][0] + v * uvs_[c][0],
+                                    w * uvs_[a][1] + u * uvs_[b][1] + v * uvs_[c][1]};
+  if (!std::isfinite(uv[0]) || !std::isfinite(uv[1])) return {kNan, kNan};
+  return uv;
 }
 
 Vec3d MeshAttributes::ShadingNormal(PrimitiveId id, double u, double v) const {

@@ -88,7 +88,7 @@ class MeshAttributes {
   /// a face.
   bool has(AttributeKind kind) const;
 
-  /// Texture coordinates, interpolated. NaN where the file has none.
+  /// Texture coordinates, interpolated. NaN where the file has none, and where one is not finite.
   std::array<double, 2> Uv(PrimitiveId id, double u, double v) const;
   /// The interpolated normals of the corners, of unit length. The side is that of the file; it is
   /// not turned towards a ray. NaN where the file has none, where one is zero or not finite, and

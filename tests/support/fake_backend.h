@@ -345,14 +345,26 @@ class FakeBackend final : public server::Backend {
     class Details {
      public:
       explicit Details(std::size_t count)
-          : normals_(count, {0, 0, 1}), points_(count), sides_(count, 1) {}
+          : normals_(count, {0, 0, 1}),
+            points_(count),
+            sides_(count, 1),
+            groups_(count, 0),
+            uvs_(count, {0.25, 0.75}) {}
       api::Hits Of(const std::vector<api::RayHit>& hits) const {
-        return {.hits = hits, .normals = normals_, .points = points_, .sides = sides_};
+        return {.hits = hits,
+                .normals = normals_,
+                .points = points_,
+                .sides = sides_,
+                .groups = groups_,
+                .uvs = uvs_,
+                .shading_normals = normals_};
       }
 
      private:
       std::vector<api::Vec3> normals_, points_;
       std::vector<std::int8_t> sides_;
+      std::vector<std::int32_t> groups_;
+      std::vector<std::array<double, 2>> uvs_;
     };
 
     /// Distance to z = 0 along each ray (negative: none), and whether the ray is one. Lists invalid

@@ -98,10 +98,15 @@ class Collected<api::ClosestRows> final : public CollectingSink<api::ClosestRows
     Keep(&normals, rows.first_row, rows.hits.normals);
     Keep(&points, rows.first_row, rows.hits.points);
     Keep(&sides, rows.first_row, rows.hits.sides);
+    Keep(&groups, rows.first_row, rows.hits.groups);
+    Keep(&uvs, rows.first_row, rows.hits.uvs);
+    Keep(&shading_normals, rows.first_row, rows.hits.shading_normals);
   }
   std::vector<api::RayHit> hits;
-  std::vector<api::Vec3> normals, points;
+  std::vector<api::Vec3> normals, points, shading_normals;
   std::vector<std::int8_t> sides;
+  std::vector<std::int32_t> groups;
+  std::vector<std::array<double, 2>> uvs;
 };
 
 template <>

@@ -17,8 +17,8 @@ namespace {
 constexpr std::array kFields = {
     Field{"precision", "NAME", kPrecisionHelp},
     Field{"fields", "NAMES",
-          "t, triangle, u, v, normal, point or side of a hit, comma-separated: t,triangle,u,v when "
-          "left out"},
+          "t, triangle, u, v, normal, point, side, group, uv or shading_normal of a hit, "
+          "comma-separated: t,triangle,u,v when left out"},
     Field{"max_hits", "N", "Hits of a ray with --all, at most, the nearest: 64 when left out"},
     Field{"t_min", "T",
           "Nearest t that counts, or auto for rays that begin on the mesh: 0 when left out"},

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -17,6 +18,9 @@ struct ClosestAnswer {
   std::vector<RayHit> hits = {};
   std::vector<Vec3> normals = {}, points = {};
   std::vector<std::int8_t> sides = {};
+  std::vector<std::int32_t> groups = {};
+  std::vector<std::array<double, 2>> uvs = {};
+  std::vector<Vec3> shading_normals = {};
   std::vector<std::uint64_t> invalid = {};
 };
 
@@ -61,7 +65,10 @@ inline std::string EncodeClosest(const ClosestAnswer& answer, const RayTable& ra
                    .hits = {.hits = Part(answer.hits, at, n),
                             .normals = Part(answer.normals, at, n),
                             .points = Part(answer.points, at, n),
-                            .sides = Part(answer.sides, at, n)}});
+                            .sides = Part(answer.sides, at, n),
+                            .groups = Part(answer.groups, at, n),
+                            .uvs = Part(answer.uvs, at, n),
+                            .shading_normals = Part(answer.shading_normals, at, n)}});
     }
   }
   BatchReport report;

@@ -66,6 +66,17 @@ TEST(ClosestAsJson, HasTheFieldsInTheOrderAsked) {
                          R"("normal":[0,0.6,-0.8]},null)"));
 }
 
+TEST(ClosestAsJson, HasNullForWhatTheFileDoesNotHave) {
+  ClosestAnswer answer;
+  answer.hits = {{1, 0, 0, 7}, {2, 0, 0, 8}, {kInfinity, 0, 0, -1}};
+  answer.groups = {3, -1, -1};
+  answer.uvs = {{0.5, -2}, {kNaN, kNaN}, {kNaN, kNaN}};
+  answer.shading_normals = {{0, 0, 1}, {kNaN, kNaN, kNaN}, {kNaN, kNaN, kNaN}};
+  EXPECT_THAT(Encode(answer, {kGroup, kUv, kShadingNormal}, BatchType::kJson),
+              StartsWith(R"({"results":[{"group":3,"uv":[0.5,-2],"shading_normal":[0,0,1]},)"
+                         R"({"group":-1,"uv":null,"shading_normal":null},null])"));
+}
+
 TEST(ClosestAsJson, WritesFloatsInTheirShortestText) {
   EXPECT_THAT(Encode(Answer(), {kT, kV, kNormal}, BatchType::kJson, NumberType::kF4),
               StartsWith(R"({"results":[{"t":0.1,"v":0.33333334,"normal":[0,0.6,-0.8]},)"));

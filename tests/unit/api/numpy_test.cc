@@ -126,6 +126,17 @@ TEST_F(Numpy, ReadsTheAnswersThatAreWrittenHere) {
       "3.0 -1.0 -1.0 0.0\n"
       "1.0 2.0 3.0 0.0 0.0 0.0 0.0 0.0 0.0 4.0 5.0 6.0\n";
 
+  answer.groups = {5, -1, -1, 0};
+  answer.uvs = {{0.5, 0.25}, {kNaN, kNaN}, {kNaN, kNaN}, {1, -1}};
+  answer.shading_normals = {{0, 1, 0}, {kNaN, kNaN, kNaN}, {kNaN, kNaN, kNaN}, {0, 0, 1}};
+  options.fields = {kUv, kGroup, kShadingNormal};
+  files.push_back(EncodeClosest(answer, rays, options, BatchType::kNpy));
+  wanted +=
+      "[('uv', '<f4', (2,)), ('group', '<i4'), ('shading_normal', '<f4', (3,))] (2, 2)\n"
+      "0.5 0.25 nan nan nan nan 1.0 -1.0\n"
+      "5.0 -1.0 -1.0 0.0\n"
+      "0.0 1.0 0.0 nan nan nan nan nan nan 0.0 0.0 1.0\n";
+
   options.fields = {kTriangle};
   files.push_back(EncodeClosest(answer, rays, options, BatchType::kNpy));
   wanted += "<i4 (2, 2)\n3.0 -1.0 -1.0 0.0\n";

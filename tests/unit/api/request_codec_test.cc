@@ -192,8 +192,10 @@ TEST(RayQueries, TakeEveryOption) {
   EXPECT_EQ(DecodeAnyOptions("t_min=-5&t_max=-5", kLimits)->t_max, -5);
   EXPECT_EQ(DecodeAnyOptions("t_max=1e-400", kLimits)->t_max, 0);
   EXPECT_EQ(DecodeAnyOptions("deadline_ms=600000", kLimits)->deadline_ms, 600000);
-  EXPECT_EQ(DecodeClosestOptions("fields=t,triangle,u,v,normal,point,side", kLimits)->fields.size(),
-            7u);
+  EXPECT_EQ(DecodeClosestOptions("fields=t,triangle,u,v,normal,point,side,group,uv,shading_normal",
+                                 kLimits)
+                ->fields.size(),
+            10u);
 }
 
 TEST(RayQueries, RefuseEverythingElseByName) {
