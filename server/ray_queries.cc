@@ -23,8 +23,10 @@ using Clock = std::chrono::steady_clock;
 // Rays are handed to the tracer in blocks of this many: large enough for it to sort and share out,
 // small enough that the copy of their rows stays in the cache.
 constexpr std::size_t kBlockRays = 131'072;
-// Rows that one thread reads at a time.
-constexpr std::size_t kReadRows = 4096;
+// Rows that one thread reads at a time. They are checked while they are in its first cache.
+constexpr std::size_t kReadRows = 512;
+// Rows of an answer that one thread takes at a time.
+constexpr std::size_t kAnswerRows = 4096;
 // Rows that one thread gives to the sink at a time, which then still are in its first cache.
 constexpr std::size_t kPutRows = 1024;
 // Hits of `all` that a block may have at most.
@@ -147,7 +149,7 @@ api::Check AnswerRows(const RayQuery& query, api::RowSink<Rows>* sink, api::Batc
     return Timed(&report->encode_ms, [&] {
       if (auto problem = sink->Begin(block.size())) return problem;
       return ForEachPiece(
-          block.size(), kReadRows, query.trace.cancel, [&](std::size_t first, std::size_t last) {
+          block.size(), kAnswerRows, query.trace.cancel, [&](std::size_t first, std::size_t last) {
             put(core::RayBatch(rays), first_row, std::span<const Element>(block), first, last);
           });
     });

@@ -28,8 +28,11 @@ static_assert(sizeof(Ray) == 64 && sizeof(RayF) == 32);
 /// direction, t_min > t_max. Such a row of a batch is a miss and is named in the answer.
 template <class T>
 bool IsValid(const RayOf<T>& ray) {
-  return IsFinite(ray.origin) && IsFinite(ray.direction) && ray.t_min <= ray.t_max &&
-         (ray.direction.x != 0 || ray.direction.y != 0 || ray.direction.z != 0);
+  const auto& [o, t_min, d, t_max] = ray;
+  // Without a branch: a finite number minus itself is 0, and any other is NaN.
+  const T zero =
+      ((o.x - o.x) + (o.y - o.y) + (o.z - o.z)) + ((d.x - d.x) + (d.y - d.y) + (d.z - d.z));
+  return (zero == 0) & (t_min <= t_max) & ((d.x != 0) | (d.y != 0) | (d.z != 0));
 }
 
 /// A view of a batch of rays, single or double. A float ray means exactly the double ray of the
