@@ -3,7 +3,8 @@
 #   server/dependencies.sh GROUP...          install missing packages; silent and offline without any
 #   server/dependencies.sh --list GROUP...   print the names, one per line
 # Groups: build (compile the daemon and the command), test (build and run the tests as well), run (start the
-# compiled programs: the second stage of the Dockerfile), lint (tests/lint), bench (tests/bench).
+# compiled programs: the second stage of the Dockerfile), lint (tests/lint), bench (tests/bench),
+# fuzz (tests/fuzz/run).
 set -euo pipefail
 
 # The version of Debian, because names of libraries contain versions; 12 on other systems.
@@ -71,13 +72,19 @@ python3-matplotlib
 python3-pil
 wrk
 END
+    fuzz)
+      case $(release) in
+        12) echo clang-14 libclang-rt-14-dev ;;
+        *) echo clang-19 libclang-rt-19-dev ;;
+      esac | tr ' ' '\n'
+      ;;
     lint) cat <<'END' ;;
 clang-format
 clang-tidy
 shellcheck
 END
     *)
-      echo "server/dependencies.sh: no group '$1'; there are build, test, run, lint and bench" >&2
+      echo "server/dependencies.sh: no group '$1'; there are build, test, run, lint, bench and fuzz" >&2
       return 2
       ;;
   esac
@@ -85,7 +92,7 @@ END
 
 list_only=false
 [[ ${1:-} == --list ]] && { list_only=true; shift; }
-[[ $# -ge 1 ]] || { sed -n '2,6s/^# \{0,1\}//p' "$0" >&2; exit 2; }
+[[ $# -ge 1 ]] || { sed -n '2,7s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 wanted=()
 for group in "$@"; do
   names=$(packages_of "$group") || exit
