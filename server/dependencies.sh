@@ -46,6 +46,7 @@ libembree-dev
 libgmock-dev
 libgtest-dev
 libpng-dev
+nodejs
 python3-jsonschema
 python3-numpy
 python3-requests
