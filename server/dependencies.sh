@@ -46,10 +46,15 @@ libembree-dev
 libgmock-dev
 libgtest-dev
 libpng-dev
+mypy
 nodejs
 python3-jsonschema
 python3-numpy
+python3-pip
 python3-requests
+python3-setuptools
+python3-venv
+python3-wheel
 zstd
 END
     run)

@@ -1,4 +1,4 @@
-"""The examples of README.md and clients/README.md, run as they stand: readme_test.py KDRAYD KDRAY
+"""The examples of the READMEs, run as they stand: readme_test.py KDRAYD KDRAY
 
 Commands ("$ …") of a file run in one shell, against a daemon of their own, and must print what stands below them: `…` in a
 line stands for anything, and a line that is nothing else stands for any lines. Blocks of Python run too; comments at their
@@ -25,7 +25,11 @@ USUAL_URL = "http://127.0.0.1:8080"
 
 # Commands that build everything, that run this test, or that need Docker; and the start of the daemon, which runs here already.
 NOT_RUN = {"server/run --demo", "tests/run", "server/run &", "docker build -t kdray .",
-           "docker run -p 8080:8080 -v kdray:/var/lib/kdray kdray"}
+           "docker run -p 8080:8080 -v kdray:/var/lib/kdray kdray",
+           # python_package_test.py installs the package.
+           "pip install ./clients/python", "python3 -m venv --system-site-packages venv",
+           "venv/bin/pip install --no-build-isolation ./clients/python"}
+DOCUMENTS = ("README.md", "clients/README.md", "clients/python/README.md")
 
 
 def blocks(document):
@@ -71,7 +75,7 @@ class Place:
         (self.folder / ".curlrc").write_text("no-progress-meter\n")  # as where curl writes to a terminal
         environment = {name: value for name, value in os.environ.items() if not name.startswith("KDRAY_")}
         self.environment = dict(environment, PATH=f"{programs}:{environment['PATH']}", CURL_HOME=str(self.folder),
-                                KDRAY_SERVER=self.daemon.url)
+                                KDRAY_SERVER=self.daemon.url, PYTHONPATH=str(ROOT / "clients/python"))
 
     def close(self):
         self.daemon.close()
@@ -131,10 +135,15 @@ class ExamplesTest(unittest.TestCase):
         self.run_commands("clients/README.md", place)
         self.run_python("clients/README.md", place)
 
+    def test_the_readme_of_the_python_package_prints_what_it_says(self):
+        place = self.place()
+        place.run("kdray", "sample", "teapot", "-o", "teapot.ply")
+        self.run_python("clients/python/README.md", place)
+
     def test_no_command_is_passed_over_for_nothing(self):
-        shown = {command for document in ("README.md", "clients/README.md") for command, _ in commands(document)}
+        shown = {command for document in DOCUMENTS for command, _ in commands(document)}
         self.assertEqual(NOT_RUN - shown, set())
-        for document in ("README.md", "clients/README.md"):
+        for document in DOCUMENTS:
             for language, lines in blocks(document):
                 self.assertIn(language, ("", "python"), f"{document}: a block that no test runs: {lines[0]}")
 
