@@ -325,6 +325,26 @@ class PythonTest(unittest.TestCase):
         self.assertEqual((single.shape, single.dtype), ((5, 8), np.float32))
         np.testing.assert_array_equal(single[0], [0, 0, 0, 1, 1, 1, 0, 2])
 
+    def test_the_attributes_of_a_file_are_fields(self):
+        tree = self.client.upload(
+            b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0.6 0.8\n"
+            b"o door\nf 1/1/1 2/2/1 3/3/1\nv 5 0 0\nv 6 0 0\nv 5 1 0\no wall\nf 4 5 6\n"
+        )
+        self.assertEqual(tree.groups, ["door", "wall"])
+        (listed,) = self.client.trees(tree.mesh["sha256"])
+        self.assertEqual(listed.groups, tree.groups)
+        rays = kdray.rays([[0.25, 0.5, 1], [5.25, 0.5, 1], [9, 9, 1]], [0, 0, -1])
+        fields = ["group", "uv", "shading_normal", "triangle"]
+        for kind in ("f4", "f8"):
+            hits = tree.closest(rays, fields, dtype=kind)
+            self.assertEqual(hits.dtype.names, tuple(fields))
+            self.assertEqual(hits["group"].tolist(), [0, 1, -1])
+            np.testing.assert_allclose(hits["uv"], [[0.25, 0.5], [np.nan] * 2, [np.nan] * 2])
+            normals = [[0, 0.6, 0.8], [np.nan] * 3, [np.nan] * 3]
+            np.testing.assert_allclose(hits["shading_normal"], normals, rtol=1e-6)
+        self.assertEqual(tree.all(rays, "uv,group")["group"].tolist(), [0, 1])
+        self.assertEqual(tree.closest(rays.reshape(3, 1, 6), "uv").shape, (3, 1, 2))
+
     # Points
 
     def test_point_queries_equal_brute_force(self):

@@ -70,6 +70,10 @@ class PythonTransportTest(unittest.TestCase):
         with self.assertRaisesRegex(kdray.ConnectionFailed, f"cannot reach {server.url}"):
             client.tree(ID)
         self.assertEqual(len(server.requests), 4)
+        server, client = self.ask(hang_up, say(200, TREE), retry_s=0)
+        with self.assertRaises(kdray.ConnectionFailed):
+            client.tree(ID)
+        self.assertEqual(len(server.requests), 1)
 
     def test_a_wrong_address_fails_at_once(self):
         with socket.socket() as free:

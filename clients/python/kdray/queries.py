@@ -60,7 +60,7 @@ class Queries:
     ) -> Array:
         """The first hit of each ray: a structured array, or a plain one if there is one field.
 
-        fields: t, triangle, u, v, normal, point, side, and what else the server knows. A miss has
+        fields: t, triangle, u, v, normal, point, side, group, uv and shading_normal. A miss has
         triangle -1 and t inf (an invalid row NaN).
         """
         return self._batch(

@@ -118,7 +118,7 @@ class Transport:
         self.url = url.rstrip("/")
         self._parts = parts
         self._prefix = parts.path.rstrip("/")
-        self._port = parts.port
+        self._port = parts.port or (443 if parts.scheme == "https" else 80)
         self._context = context
         if parts.scheme == "https" and context is None:
             self._context = ssl.create_default_context()
@@ -166,7 +166,7 @@ class Transport:
                     flight.add(connection)
                 try:
                     answer, is_kept = self._exchange(
-                        connection, method, target, body, work_s, on_sent
+                        connection, method, target, body, work_s, on_sent, flight
                     )
                 finally:
                     if flight is not None:
@@ -219,7 +219,7 @@ class Transport:
 
     def _may_come_back(self, error: BaseException) -> bool:
         """Whether trying again is sensible: a wrong URL or certificate stays wrong."""
-        if isinstance(error, ssl.SSLCertVerificationError):
+        if self._retry_s == 0 or isinstance(error, ssl.SSLCertVerificationError):
             return False
         return (
             self._was_reached
@@ -258,10 +258,13 @@ class Transport:
         body: Optional[Body],
         work_s: float,
         on_sent: Optional[Callable[[int], None]],
+        flight: Optional[Flight],
     ) -> Tuple[Answer, bool]:
         """The answer, and whether the connection may be used again."""
         if connection.sock is None:
             connection.connect()
+        if flight is not None and flight.is_aborted:  # while it had no socket to be shut down
+            raise Aborted("the batch was given up")
         if connection.sock is not None:
             connection.sock.settimeout(work_s + self._stall_s)
         connection.putrequest(method, target, skip_accept_encoding=True)

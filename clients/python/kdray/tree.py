@@ -65,6 +65,8 @@ class Tree(Pictures):
     @property
     def groups(self) -> List[str]:
         """Names of the mesh's parts; the answer field `group` is an index into it."""
+        if "groups" not in self.mesh:  # lists of trees leave them out
+            self.refresh()
         return list(self.mesh.get("groups", []))
 
     @property
@@ -162,4 +164,4 @@ class Tree(Pictures):
 
     def _ready(self) -> Dict[str, Any]:
         """The description of the built tree."""
-        return self.wait().description
+        return self.description if self.is_ready else self.wait().description
