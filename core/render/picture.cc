@@ -81,6 +81,19 @@ void Write(const Rgba& c, const Encode& encode, std::span<std::uint8_t> pixel) {
   if (pixel.size() == 4) pixel[3] = ToUnorm8(c.a);
 }
 
+/// A row of light, premultiplied red, green, blue and coverage. Most pixels are grey, and a grey is
+/// encoded once.
+void WriteLightRow(std::span<const float> row, std::size_t channels, std::span<std::uint8_t> out) {
+  for (; !row.empty(); row = row.subspan(4), out = out.subspan(channels)) {
+    const Rgba c = {row[0], row[1], row[2], row[3]};
+    const float unpremultiply = c.a > 0.0f ? 1.0f / c.a : 0.0f;
+    out[0] = LinearToSrgb8(c.r * unpremultiply);
+    out[1] = c.g == c.r ? out[0] : LinearToSrgb8(c.g * unpremultiply);
+    out[2] = c.b == c.r ? out[0] : LinearToSrgb8(c.b * unpremultiply);
+    if (channels == 4) out[3] = ToUnorm8(c.a);
+  }
+}
+
 }  // namespace
 
 Picture MakePicture(const RenderedImage& image) { return *MakePicture(image, CancelToken()); }
@@ -115,13 +128,14 @@ Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cance
   const auto write_row = [&](std::size_t row) {
     const int y = region.y0 + static_cast<int>(row);
     std::span<std::uint8_t> rest = std::span(picture.pixels).subspan(row * row_bytes, row_bytes);
+    if (image.mode == RenderMode::kShaded) {
+      const auto row_values = static_cast<std::size_t>(picture.width) * 4;
+      return WriteLightRow(
+          std::get<Film<float>>(image.values).values().subspan(row * row_values, row_values),
+          channels, rest);
+    }
     for (int x = region.x0; x < region.x1; ++x, rest = rest.subspan(channels)) {
       const std::span<std::uint8_t> pixel = rest.first(channels);
-      if (image.mode == RenderMode::kShaded) {
-        const std::span<const float> c = std::get<Film<float>>(image.values)(x, y);
-        Write({c[0], c[1], c[2], c[3]}, LinearToSrgb8, pixel);
-        continue;
-      }
       Rgba c = Over(data_color(x, y), behind);
       if (image.edges) {
         c = Over(edge * (*image.edges)(x, y)[0], c);
