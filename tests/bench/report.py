@@ -1,6 +1,6 @@
 """Turns the benchmarks' results into tables and plots.
 
-  report.py tradeoff|images|mismatches|latency|hits CSV COMMAND
+  report.py tradeoff|images|mismatches|latency|hits|pictures CSV COMMAND
   report.py trace|build|points|http FOLDER COMMAND
 
 Writes the section of that name in tests/bench/README.md, between its two marks, and the plots into
@@ -8,99 +8,12 @@ docs/.
 """
 import csv
 import os
-import re
-import subprocess
 import sys
 from collections import defaultdict
-from math import exp, log
 from statistics import median
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
-import yaml  # noqa: E402
-
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-with open(os.path.join(ROOT, "api", "openapi.yaml"), encoding="utf-8") as contract:
-    SCHEMAS = yaml.safe_load(contract)["components"]["schemas"]
-PRECISIONS = SCHEMAS["Precision"]["enum"][1:]  # all but auto
-LARGE = 10000  # triangles of a mesh on which builds are compared
-BUILDS = SCHEMAS["Build"]["enum"][1:]
-COLORS = dict(zip(PRECISIONS, ["#d1495b", "#00798c", "#edae49", "#30638e"]))
-BUILD_COLORS = dict(zip(BUILDS, ["#00798c", "#30638e", "#edae49", "#d1495b", "#6a4c93", "#8d99ae"]))
-
-plt.rcParams.update({"font.size": 9, "axes.grid": True, "grid.alpha": 0.3, "svg.hashsalt": "kdray",
-                     "axes.spines.top": False, "axes.spines.right": False})
-
-
-def conditions(command):
-    """The conditions of the measurement: machine, command, commit."""
-    with open("/proc/cpuinfo") as file:
-        model = re.search(r"model name\s*:\s*(.*)", file.read())
-    def git(*args):
-        return subprocess.run(["git", *args], cwd=ROOT, capture_output=True, text=True)
-    commit = git("rev-parse", "--short=12", "HEAD").stdout.strip() or "unknown"
-    # The reports' own output does not count as a change.
-    changed = git("diff", "--quiet", "HEAD", "--", ".", ":!docs", ":!tests/bench/README.md").returncode != 0
-    load = os.getloadavg()
-    return (f"`{command}`, at commit {commit}{' with changes' if changed else ''}; {model[1] if model else 'unknown processor'}, "
-            f"{os.cpu_count()} threads; load average at the end {load[0]:.1f} (one minute), {load[2]:.1f} (fifteen).")
-
-
-def save(figure, name):
-    figure.tight_layout()
-    figure.savefig(os.path.join(ROOT, "docs", name), metadata={"Date": None})
-    plt.close(figure)
-
-
-def wrap(text, columns=100):
-    """Markdown with its prose broken at `columns`; tables, images and headings stay as they are."""
-    wrapped = []
-    for paragraph in text.strip().split("\n\n"):
-        if paragraph.startswith(("|", "!", "#")):
-            wrapped.append(paragraph)
-            continue
-        lines = [""]
-        for word in re.findall(r"(?:`[^`]*`|[^\s`])+", paragraph):
-            if lines[-1] and len(lines[-1]) + 1 + len(word) > columns:
-                lines.append("")
-            lines[-1] += (" " if lines[-1] else "") + word
-        wrapped.append("\n".join(lines))
-    return "\n\n".join(wrapped)
-
-
-def write_section(name, text):
-    path = os.path.join(ROOT, "tests", "bench", "README.md")
-    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-    with open(path) as file:
-        old = file.read()
-    if begin not in old:
-        sys.exit(f"report.py: {path} has no place for {name}")
-    head, rest = old.split(begin, 1)
-    tail = rest.split(end, 1)[1]
-    with open(path, "w") as file:
-        file.write(f"{head}{begin}\n{wrap(text)}\n{end}{tail}")
-
-
-def table(header, rows):
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
-
-
-def geometric_mean(values):
-    values = list(values)
-    return exp(sum(map(log, values)) / len(values)) if values else float("nan")
-
-
-def rate(count, rays):
-    """A share; for a count of 0, its 95% bound."""
-    if rays == 0:
-        return "–"
-    return f"{count / rays:.2g}" if count else f"0 (< {3 / rays:.1g})"
-
-
-# ---- The trade-off ----
+from report_common import BUILDS, BUILD_COLORS, COLORS, LARGE, PRECISIONS, conditions, geometric_mean, plt, rate, save, table, write_section
+from report_requests import hits, http, latency, pictures, points
 
 
 def tradeoff(rows, command):
@@ -230,18 +143,18 @@ def images(rows, command):
     for row in rows:
         series[row["series"]].append({k: v if k == "series" else float(v) for k, v in row.items()})
     figure, (rmse, flip) = plt.subplots(1, 2, figsize=(10, 4))
-    for name, points in series.items():
+    for name, places in series.items():
         style = {"color": COLORS.get(name, "black"), "marker": "o", "markersize": 3, "linewidth": 1, "label": name}
         if name not in COLORS:
             style["linestyle"] = "--"
-        rmse.plot([p["seconds"] for p in points], [p["rmse"] for p in points], **style)
-        flip.plot([p["seconds"] for p in points], [p["flip"] for p in points], **style)
+        rmse.plot([p["seconds"] for p in places], [p["rmse"] for p in places], **style)
+        flip.plot([p["seconds"] for p in places], [p["flip"] for p in places], **style)
     rmse.set(xscale="log", yscale="log", xlabel="seconds", ylabel="RMSE, linear light",
              title="Error over time against many samples in exact")
     flip.set(xscale="log", yscale="log", xlabel="seconds", ylabel="mean FLIP", title="As people see it")
     rmse.legend(fontsize=8)
     save(figure, "images-error.svg")
-    chosen = [p for points in series.values() for p in points if p["series"] not in COLORS or p["samples"] in (4, 16, 64, 256)]
+    chosen = [p for places in series.values() for p in places if p["series"] not in COLORS or p["samples"] in (4, 16, 64, 256)]
     write_section("images", f"""
 {conditions(command)} 200 x 150 pixels, shaded, `kd-sah`, compared with a reference in `exact` (4096 samples, unless the command says otherwise). A crack
 is a pixel that shows the background although the mesh covers it and its neighbours in the reference.
@@ -401,141 +314,13 @@ ulps of a float at the mesh's largest coordinate.
 """)
 
 
-# ---- Closest points ----
-
-
-def points(folder, command):
-    with open(os.path.join(folder, "points.md")) as file:
-        measured = file.read().strip()
-    write_section("points", f"""
-{conditions(command)}
-
-{measured}
-""")
-
-
-# ---- Small requests ----
-
-
-def latency(rows, command):
-    def middle(server, connections, load, key):
-        return median(float(row[key]) for row in rows if (row["server"], row["load"]) == (server, load)
-                      and connections in (None, int(row["connections"])))
-
-    lines = []
-    for label, connections, load in (("1 connection", 1, "full"), ("8 connections", 8, "full"),
-                                     ("64 connections", 64, "full"), ("half of what 8 reach", None, "half")):
-        line = [label]
-        for server in ("kdrayd", "nginx"):
-            line += [f"{middle(server, connections, load, key):,.0f}" for key in ("per_second", "p50_us", "p99_us")]
-        line.append(f"{middle('kdrayd', connections, load, 'p50_us') / middle('nginx', connections, load, 'p50_us'):.1f}")
-        lines.append(line)
-    many = middle("kdrayd", 64, "full", "per_second") / middle("kdrayd", 8, "full", "per_second")
-    tail = middle("kdrayd", None, "half", "p99_us") / middle("kdrayd", None, "half", "p50_us")
-    rounds = len({row["round"] for row in rows})
-    write_section("latency", f"""
-{conditions(command)} Medians of {rounds} rounds. Requests of {rows[0]['request_bytes']} bytes, answers of {rows[0]['answer_bytes']} bytes.
-With 64 connections kdrayd answers {many:.2f} times as many requests a second as with 8. At half load its p99 is {tail:.1f} times its p50.
-
-{table(['', 'kdrayd, requests/s', 'p50 us', 'p99 us', 'nginx, requests/s', 'p50 us', 'p99 us', 'ratio of p50'], lines)}
-""")
-
-
-# ---- All hits ----
-
-
-def hits(rows, command):
-    speeds = defaultdict(dict)
-    parities = []
-    for row in rows:
-        if row["query"] == "parity":
-            parities.append([row["mesh"], f"{int(row['hits']):,}", row["mrays_median"]])
-        else:
-            speeds[row["mesh"], row["query"]][row["mode"]] = row
-    lines = []
-    for (mesh, query), modes in speeds.items():
-        speed = {mode: float(row["mrays_median"]) for mode, row in modes.items()}
-        best = max((mode for mode in speed if mode.startswith("embree")), key=speed.get)
-        ours = [f"{speed['kdray ' + precision]:.2f} (**{speed['kdray ' + precision] / speed[best]:.2f}**)"
-                for precision in PRECISIONS]
-        lines.append([mesh, query, best.removeprefix("embree "), f"{speed[best]:.2f}", *ours])
-    write_section("hits", f"""
-{conditions(command)} Millions of random rays a second; in brackets as a multiple of the faster of Embree's two ways.
-
-{table(['mesh', 'query', "Embree's faster way", 'Mrays/s', *PRECISIONS], lines)}
-
-Parities of counts in `exact`, on closed meshes:
-
-{table(['mesh', 'rays', 'wrong parities'], parities)}
-""")
-
-
-# ---- HTTP ----
-
-PARTS = {"trace": "#00798c", "parse": "#edae49", "encode": "#d1495b", "queue": "#8d99ae", "socket": "#adb5bd"}
-OVERHEAD = {"npy": ("echo", 1.5), "json": ("python", 0.2), "picture": ("python", 1.0)}
-MEMORY = {"npy": 2, "json": 3}
-
-
-def http(folder, command):
-    def read(name):
-        with open(os.path.join(folder, name), newline="") as file:
-            return list(csv.DictReader(file))
-
-    parts = defaultdict(list)
-    for row in read("http.csv"):
-        parts[row["case"], int(row["threads"]), row["part"]].append(float(row["value"]))
-    at = {key: median(values) for key, values in parts.items()}
-    inside = {(row["what"], int(row["threads"])): float(row["ms"]) for row in read("in_process.csv")}
-    peak = {(row["case"], int(row["threads"])): (float(row["peak"]), float(row["body"])) for row in read("memory.csv")}
-    keys = list(dict.fromkeys((case, threads) for case, threads, _ in at))
-
-    lines, bars = [], defaultdict(list)
-    for case, threads in keys:
-        of = lambda part: at.get((case, threads, part), 0.0)  # noqa: E731
-        over = of("total") - of("trace")
-        shares = {part: of(part) for part in PARTS if part != "socket"}
-        shares["socket"] = max(0.0, of("total") - sum(shares.values()))
-        for part, value in shares.items():
-            bars[part].append(value)
-        measure, most = OVERHEAD[case.split()[0]]
-        used, body = peak[case, threads]
-        lines.append([
-            case, str(threads), f"{inside[case, threads]:.1f}",
-            *(f"{value:.1f}" for value in (of("trace"), of("parse"), of("encode"), shares["socket"], of("total"))),
-            f"{over:.1f}", f"{of(measure):.1f} ({measure})", f"**{over / of(measure):.2f}** (at most {most})",
-            f"{used / 1e6:.0f} of {body / 1e6:.0f} MB, **{used / body:.2f}** (at most {MEMORY[case.split()[0]]})" if body > 1000 else "–"])
-
-    figure, axes = plt.subplots(figsize=(9, 0.42 * len(keys) + 1.4))
-    left = [0.0] * len(keys)
-    for part, color in PARTS.items():
-        axes.barh(range(len(keys)), bars[part], left=left, color=color, label=part)
-        left = [a + b for a, b in zip(left, bars[part])]
-    for i, (case, threads) in enumerate(keys):
-        axes.plot([inside[case, threads]] * 2, [i - 0.45, i + 0.45], color="black", linewidth=1.4,
-                  label="in process" if i == 0 else None)
-    axes.set_yticks(range(len(keys)), [f"{case}, {threads} thread{'s' * (threads > 1)}" for case, threads in keys], fontsize=8)
-    axes.invert_yaxis()
-    axes.set(xlabel="milliseconds", title="1,000,000 rays and 1024 x 1024 pixels over HTTP")
-    axes.legend(fontsize=8)
-    save(figure, "http.svg")
-
-    size = at["picture", keys[0][1], "size"], at["picture", keys[0][1], "size_zlib6"]
-    write_section("http", f"""
-{conditions(command)} Medians, in milliseconds. The picture's PNG has {size[0]:,.0f} bytes, {size[0] / size[1]:.2f} of what
-`zlib.compress(filtered rows, 6)` gives.
-
-{table(['', 'threads', 'in process', 'trace', 'parse', 'encode', 'rest', 'total', 'overhead', 'measure', 'ratio', 'memory'], lines)}
-
-![Where the time of a request goes](../../docs/http.svg)
-""")
-
-
 if __name__ == "__main__":
     what, path, said = sys.argv[1:]
-    if what in ("trace", "build", "points", "http"):
-        {"trace": trace, "build": build, "points": points, "http": http}[what](path, said)
+    of_folders = {"trace": trace, "build": build, "points": points, "http": http}
+    if what in of_folders:
+        of_folders[what](path, said)
         sys.exit()
+    of_rows = {"tradeoff": tradeoff, "images": images, "mismatches": mismatches, "latency": latency, "hits": hits,
+               "pictures": pictures}
     with open(path, newline="") as source:
-        {"tradeoff": tradeoff, "images": images, "mismatches": mismatches, "latency": latency,
-         "hits": hits}[what](list(csv.DictReader(source)), said)
+        of_rows[what](list(csv.DictReader(source)), said)
