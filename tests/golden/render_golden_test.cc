@@ -31,6 +31,49 @@ core::RenderSpec Spec(core::RenderMode mode, int samples) {
 
 core::MeshData Bumpy() { return test::BumpySphere({0, 0, 0}, 1, 60, 90, 0.25); }
 
+/// A sphere and a cube that stand on a floor.
+core::MeshData StillLife() {
+  core::MeshData floor = test::Grid(8, 2, 0);
+  for (core::Vec3d& p : floor.vertices) p = {8 * p.x - 4, 8 * p.y - 4, 0};
+  return test::Join(test::Join(floor, test::IcoSphere({-0.9, 0, 1}, 1, 4)),
+                    test::Cube({1.4, 0.4, 0.7}, 0.7));
+}
+core::RenderSpec StillLifeSpec(core::RenderMode mode, int samples) {
+  core::RenderSpec spec = Spec(mode, samples);
+  spec.camera = {.eye = core::Vec3d{1.5, -6, 3.5},
+                 .target = core::Vec3d{0.2, 0, 0.6},
+                 .up = core::Vec3d{0, 0, 1},
+                 .fov_deg = 45.0};
+  return spec;
+}
+
+TEST(Golden, ShadowsOfASunAndALamp) {
+  core::RenderSpec spec = StillLifeSpec(core::RenderMode::kShaded, 64);
+  spec.lights = {{.kind = core::LightKind::kDirectional, .vector = {1, 1.5, -2}, .intensity = 0.7},
+                 {.kind = core::LightKind::kPoint,
+                  .vector = {3, -2, 3},
+                  .intensity = 0.1,
+                  .color = {1, 0.6f, 0.3f}}};
+  spec.shadows = true;
+  EXPECT_TRUE(MatchesGolden("shadows_still_life", RenderPng(StillLife(), spec)));
+}
+
+TEST(Golden, AmbientOcclusionWhereThingsStand) {
+  EXPECT_TRUE(MatchesGolden(
+      "occlusion_still_life",
+      RenderPng(StillLife(), StillLifeSpec(core::RenderMode::kAmbientOcclusion, 64))));
+}
+
+TEST(Golden, PanoramaFromBetweenTheThings) {
+  core::RenderSpec spec = Spec(core::RenderMode::kShaded, 16);
+  spec.height = 160;
+  spec.camera = {.projection = core::Projection::kSpherical,
+                 .eye = core::Vec3d{0.4, -0.6, 0.9},
+                 .target = core::Vec3d{0.4, 1, 0.9},
+                 .up = core::Vec3d{0, 0, 1}};
+  EXPECT_TRUE(MatchesGolden("panorama_still_life", RenderPng(StillLife(), spec)));
+}
+
 TEST(Golden, ShadedSphere) {
   EXPECT_TRUE(MatchesGolden("shaded_sphere", RenderPng(test::IcoSphere({0, 0, 0}, 1, 4),
                                                        Spec(core::RenderMode::kShaded, 16))));
