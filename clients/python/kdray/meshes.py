@@ -61,7 +61,7 @@ class Source:
                 yield piece
 
     def body(self) -> Body:
-        return Body(self.size, TYPE, self.pieces)
+        return Body(self.size, TYPE, self.pieces, self.sha256)
 
 
 def ply_bytes(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> bytes:
