@@ -41,6 +41,7 @@ END
 chromium
 chromium-driver
 curl
+haproxy
 libcgal-dev
 libembree-dev
 libgmock-dev

@@ -1,0 +1,307 @@
+"""Three daemons behind HAProxy, as server/deploy/local starts them: replicas_test.py KDRAYD KDRAY
+
+Exits with 77 (skipped) if HAProxy is not installed. Raw connections send the load, so no client
+hides a failure by repeating it.
+"""
+import hashlib
+import http.client
+import json
+import os
+import re
+import shutil
+import signal
+import socket
+import ssl
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+import urllib.parse
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+sys.path.insert(0, str(ROOT / "clients/python"))
+import kdray  # noqa: E402
+import numpy as np  # noqa: E402
+
+KDRAYD, KDRAY = sys.argv[1:3]
+RAYS = json.dumps({"rays": [[0.2, 0.1 * i, 9, 0, 0, -1] for i in range(-4, 5)]}).encode()
+BACK_S = 10.0
+
+
+def mesh(number):
+    """A tetrahedron; each number has other bytes, so another place on the ring."""
+    height = 1 + number / 100
+    vertices = np.array([[-1, -1, 0], [1, -1, 0], [0, 1, 0], [0, 0, height]])
+    return vertices, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+
+
+class Replicas:
+    """Context manager: server/deploy/local on a free port."""
+
+    def __init__(self, number=3, **environment):
+        self.folder = tempfile.mkdtemp(prefix="kdray-replicas-")
+        self._process = subprocess.Popen(
+            [sys.executable, str(ROOT / "server/deploy/local"), "--replicas", str(number), "--port",
+             "0", "--data-dir", self.folder, "--kdrayd", KDRAYD, "--", "--threads", "1"],
+            stdout=subprocess.PIPE, text=True, env=dict(
+                {name: value for name, value in os.environ.items()
+                 if not name.startswith("KDRAY_")}, **environment))
+        self.processes, self.addresses, self.url = {}, {}, None
+        while self.url is None:
+            line = self._process.stdout.readline()
+            if not line:
+                raise RuntimeError(f"server/deploy/local ended; its logs are in {self.folder}")
+            self._read(line)
+        self._reader = threading.Thread(target=self._read_all)
+        self._reader.start()
+        self.port = urllib.parse.urlsplit(self.url).port
+        if "KDRAY_CERTIFICATE" not in environment:
+            self._await(self.port)
+
+    def _read(self, line):
+        replica = re.match(r"(replica\d+) (http://\S+) process (\d+)", line)
+        served = re.match(r"kdray listening on (http://\S+)", line)
+        if replica:
+            self.addresses[replica[1]] = replica[2]
+            self.processes[replica[1]] = int(replica[3])
+        if served:
+            self.url = served[1]
+
+    def _read_all(self):
+        for line in self._process.stdout:
+            self._read(line)
+
+    @staticmethod
+    def _await(port):
+        deadline = time.monotonic() + BACK_S
+        while time.monotonic() < deadline:
+            try:
+                if request(port, "GET", "/readyz")[0] == 200:
+                    return
+            except OSError:
+                pass
+            time.sleep(0.05)
+        raise RuntimeError("HAProxy does not answer")
+
+    def stop(self, replica, how):
+        """Sends the signal; returns the process that ends."""
+        old = self.processes[replica]
+        os.kill(old, how)
+        return old
+
+    def wait_for_return(self, replica, old):
+        """Until the replica runs again and HAProxy sends it requests."""
+        port = urllib.parse.urlsplit(self.addresses[replica]).port
+        deadline = time.monotonic() + BACK_S
+        while self.processes[replica] == old and time.monotonic() < deadline:
+            time.sleep(0.02)
+        self._await(port)
+        seen = set()
+        while replica not in seen and time.monotonic() < deadline:
+            # Without a mesh in the path, the replicas take turns.
+            seen.add(request(self.port, "GET", "/v1")[1]["kdray-replica"])
+        if replica not in seen:
+            raise RuntimeError(f"{replica} did not come back")
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._process.terminate()
+        self._process.wait(timeout=60)
+        self._reader.join()
+        self._process.stdout.close()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def request(port, method, path, body=None, connection=None):
+    """One request, never repeated: status, headers, content."""
+    own = connection or http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+    own.request(method, path, body, {"Content-Type": "application/json"} if body else {})
+    answer = own.getresponse()
+    content = answer.read()
+    if connection is None:
+        own.close()
+    return answer.status, {k.lower(): v for k, v in answer.getheaders()}, content
+
+
+class Load(threading.Thread):
+    """Queries of some trees in turn, on a kept connection, until `end`."""
+
+    def __init__(self, port, trees, expected):
+        super().__init__()
+        self._port, self._trees, self._expected = port, trees, expected
+        self.failures, self.times, self._end = [], [], threading.Event()
+        self.start()
+
+    def run(self):
+        connection = http.client.HTTPConnection("127.0.0.1", self._port, timeout=20)
+        while not self._end.is_set():
+            for tree in self._trees:
+                start = time.monotonic()
+                try:
+                    status, headers, content = request(
+                        self._port, "POST", f"/v1/trees/{tree}/rays/closest", RAYS, connection)
+                except (OSError, http.client.HTTPException) as error:
+                    self.failures.append(repr(error))
+                    connection.close()
+                    continue
+                self.times.append((start, time.monotonic() - start))
+                if status != 200 or content != self._expected[tree]:
+                    self.failures.append((status, headers.get("kdray-replica"), content[:200]))
+        connection.close()
+
+    def end(self):
+        self._end.set()
+        self.join()
+
+
+class ReplicasTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.replicas = Replicas()
+        cls.addClassCleanup(cls.replicas.__exit__)
+        cls.client = kdray.Client(cls.replicas.url)
+        cls.direct = {name: kdray.Client(url, retry_s=0)
+                      for name, url in cls.replicas.addresses.items()}
+
+    def holders(self, tree_id):
+        """The replicas that have a tree."""
+        return [name for name, client in self.direct.items()
+                if client.find("GET", f"/v1/trees/{tree_id}") is not None]
+
+    def home(self, tree_id):
+        """The replica that answers for a tree."""
+        return request(self.replicas.port, "GET", f"/v1/trees/{tree_id}")[1]["kdray-replica"]
+
+    def load(self, trees, seconds, at_start):
+        """Runs at_start under load; returns the load's threads when `seconds` have passed."""
+        expected = {tree: request(self.replicas.port, "POST", f"/v1/trees/{tree}/rays/closest",
+                                  RAYS)[2] for tree in trees}
+        threads = [Load(self.replicas.port, trees, expected) for _ in range(3)]
+        time.sleep(0.3)
+        at_start()
+        time.sleep(seconds)
+        for thread in threads:
+            thread.end()
+        return threads
+
+    def test_an_upload_goes_to_the_replica_that_answers_for_it(self):
+        homes = set()
+        for number in range(12):
+            tree = self.client.upload(mesh(number))
+            self.assertEqual(self.holders(tree.id), [self.home(tree.id)])
+            homes.add(self.home(tree.id))
+            built = tree.rebuild("bvh")  # sends no mesh, so it needs the replica that has it
+            self.assertEqual(self.home(built.id), self.home(tree.id))
+        self.assertEqual(homes, set(self.direct))
+
+    def test_an_upload_without_a_digest_is_found_on_any_replica_next_to_its_own(self):
+        tree = self.client.upload(mesh(20))
+        home = self.home(tree.id)
+        content = tree.mesh_bytes()
+        tree.delete()
+        self.assertEqual(self.holders(tree.id), [])
+        found = set()
+        for name, client in self.direct.items():
+            if name != home:
+                client.upload(content)
+                found.add(self.client.find("GET", f"/v1/trees/{tree.id}") is not None)
+                client.tree(tree.id).delete()
+        self.assertIn(True, found)
+
+    def test_a_tree_that_no_replica_has_is_not_found(self):
+        unknown = hashlib.sha256(b"unknown").hexdigest()
+        status, _, content = request(self.replicas.port, "GET", f"/v1/trees/{unknown}-auto")
+        self.assertEqual((status, json.loads(content)["code"]), (404, "tree_not_found"))
+
+    def test_a_replica_that_is_killed_fails_no_request_of_trees_that_all_have(self):
+        trees = [self.client.upload(mesh(number)).id for number in range(30, 36)]
+        for client in self.direct.values():
+            for number in range(30, 36):
+                client.upload(mesh(number))
+        victim = self.home(trees[0])
+        batch = kdray.rays(np.random.default_rng(1).normal(size=(20000, 3)), [0.1, -0.2, 0.3])
+        whole = self.client.tree(trees[0]).closest(batch)
+        batches = []
+        package = threading.Thread(target=lambda: batches.extend(
+            self.client.tree(trees[0]).closest(batch) for _ in range(12)))
+        package.start()  # larger than HAProxy's buffer, so the package repeats what breaks
+        killed = []
+        threads = self.load(trees, 3.0, lambda: killed.append(
+            (time.monotonic(), self.replicas.stop(victim, signal.SIGKILL))))
+        self.assertEqual([failure for thread in threads for failure in thread.failures], [])
+        package.join()
+        self.assertEqual([bytes(answer) == bytes(whole) for answer in batches], [True] * 12)
+        at, old = killed[0]
+        before, after = ([took for thread in threads for start, took in thread.times
+                          if is_of(start)] for is_of in (lambda s: s < at, lambda s: s > at + 2))
+        self.assertGreater(len(after), 20)
+        print(f"killed under load: {sum(len(t.times) for t in threads)} requests, none failed; "
+              f"p99 {p99(before):.1f} ms before, {p99(after):.1f} ms from 2 s after", flush=True)
+        self.replicas.wait_for_return(victim, old)
+
+    def test_a_replica_that_drains_fails_no_request(self):
+        trees = [self.client.upload(mesh(number)).id for number in range(40, 46)]
+        for client in self.direct.values():
+            for number in range(40, 46):
+                client.upload(mesh(number))
+        victim = self.home(trees[0])
+        old = []
+        threads = self.load(trees, 2.0,
+                            lambda: old.append(self.replicas.stop(victim, signal.SIGTERM)))
+        self.assertEqual([failure for thread in threads for failure in thread.failures], [])
+        self.replicas.wait_for_return(victim, old[0])
+
+    def test_a_tree_of_a_lost_replica_is_uploaded_again_to_its_successor(self):
+        tree = self.client.upload(mesh(50))
+        home = self.home(tree.id)
+        old = self.replicas.stop(home, signal.SIGKILL)
+        again = self.client.upload(mesh(50))
+        self.assertEqual(again.id, tree.id)
+        self.replicas.wait_for_return(home, old)
+        self.assertEqual(len(self.holders(tree.id)), 2)
+        self.assertEqual(self.home(tree.id), home)
+
+
+class SettingsTest(unittest.TestCase):
+    @unittest.skipUnless(shutil.which("openssl"), "openssl is not installed")
+    def test_with_a_certificate_it_speaks_tls(self):
+        with tempfile.TemporaryDirectory(prefix="kdray-tls-") as folder:
+            pem = Path(folder, "both.pem")
+            subprocess.run(
+                ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj",
+                 "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1", "-keyout",
+                 f"{folder}/key", "-out", f"{folder}/cert"], check=True, capture_output=True)
+            pem.write_text(Path(folder, "cert").read_text() + Path(folder, "key").read_text())
+            with Replicas(1, KDRAY_CERTIFICATE=str(pem)) as replicas:
+                client = kdray.Client(f"https://127.0.0.1:{replicas.port}",
+                                      ssl_context=ssl.create_default_context(cafile=str(pem)))
+                self.assertEqual(client.upload(mesh(1)).triangles, 4)
+
+    def test_one_address_has_a_limit_of_connections(self):
+        with Replicas(1, KDRAY_CLIENT_CONNECTIONS="4") as replicas:
+            held = [socket.create_connection(("127.0.0.1", replicas.port)) for _ in range(5)]
+            time.sleep(0.2)
+            status, headers, content = request(replicas.port, "GET", "/v1")
+            self.assertEqual((status, headers["retry-after"], headers["content-type"]),
+                             (429, "1", "application/problem+json"))
+            self.assertEqual(json.loads(content)["code"], "too_many_requests")
+            for connection in held:
+                connection.close()
+            time.sleep(0.2)
+            self.assertEqual(request(replicas.port, "GET", "/v1")[0], 200)
+
+
+def p99(seconds):
+    return float(np.percentile(seconds, 99)) * 1000 if seconds else float("nan")
+
+
+if __name__ == "__main__":
+    if shutil.which("haproxy", path=os.environ.get("PATH", "") + ":/usr/sbin") is None:
+        print("HAProxy is not installed; replicas are not tested")
+        sys.exit(77)
+    unittest.main(argv=sys.argv[:1], verbosity=2)
