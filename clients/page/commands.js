@@ -1,7 +1,8 @@
-// Text for the clipboard: commands that repeat in a shell what the page just did.
+// Text for the clipboard: links, and commands that repeat in a shell what the page just did.
 import { rayBody, treePath } from './api.js';
-import { showToast } from './panels.js';
-import { element, shellQuote } from './text.js';
+import { element } from './dom.js';
+import { showToast } from './notices.js';
+import { shellQuote } from './text.js';
 
 export function renderCommand(api, id, query) {
   return curl(api, ['-o', 'kdray.png', String(api.url(`${treePath(id)}/render.png`, query))]);

@@ -1,23 +1,31 @@
-// Mouse, touch and keys on the picture, as movements of a camera and clicks.
+// Mouse and touch on the picture, as movements of a camera and clicks.
 
 const CLICK_PIXELS = 4;
-const STEP = Math.PI / 24; // of an arrow key
-const PAN_STEP = 0.05; // of the picture's height
+const TAP_PIXELS = 10; // fingers are less steady
+const DOUBLE_MS = 350;
+const DOUBLE_PIXELS = { mouse: 6, pen: 12, touch: 30 };
+const NEW_WHEEL_MS = 300; // without an event: the next one begins a gesture
 
 /**
  * @param handlers.moved called after the camera has moved
+ * @param handlers.pressed called when a button or finger goes down: what follows is to be quick
  * @param handlers.clicked called with {x, y} in [0, 1] of the picture, y down
- * @param handlers.reset called when the whole mesh is to be framed
+ * @param handlers.doubleClicked the same, for the second of two clicks
+ * @param handlers.zooming called with {x, y} when a gesture begins to zoom there
  */
 export function attachControls(canvas, camera, handlers) {
   const pointers = new Map(); // those that are down, by id: their last place
   let travelled = 0; // pixels since the first went down: a click stays small
   let gesture = null; // distance and middle of two fingers
+  let lastClick = { time: -Infinity };
+  let lastWheel = -Infinity;
 
-  const place = (event) => {
+  const place = ({ x, y }) => {
     const box = canvas.getBoundingClientRect();
-    return { x: (event.clientX - box.left) / box.width, y: (event.clientY - box.top) / box.height };
+    return { x: (x - box.left) / box.width, y: (y - box.top) / box.height };
   };
+  const placeOf = (event) => place({ x: event.clientX, y: event.clientY });
+  const aspect = () => canvas.clientWidth / Math.max(1, canvas.clientHeight);
   const turn = (dx, dy) =>
     camera.orbit((-dx / canvas.clientHeight) * Math.PI, (dy / canvas.clientHeight) * Math.PI);
   const pan = (dx, dy) => camera.pan(-dx / canvas.clientHeight, dy / canvas.clientHeight);
@@ -29,6 +37,8 @@ export function attachControls(canvas, camera, handlers) {
     if (pointers.size === 0) travelled = 0;
     pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
     gesture = twoFingers(pointers);
+    if (gesture) handlers.zooming(place(gesture));
+    handlers.pressed(event.pointerType);
   });
 
   canvas.addEventListener('pointermove', (event) => {
@@ -36,13 +46,13 @@ export function attachControls(canvas, camera, handlers) {
     if (!last) return;
     const dx = event.clientX - last.x;
     const dy = event.clientY - last.y;
-    pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
     travelled += Math.abs(dx) + Math.abs(dy);
-    if (travelled < CLICK_PIXELS) return;
+    pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    if (travelled < (event.pointerType === 'touch' ? TAP_PIXELS : CLICK_PIXELS)) return;
     if (pointers.size === 2) {
       const now = twoFingers(pointers);
-      camera.zoom(gesture.distance / Math.max(1, now.distance));
       pan(now.x - gesture.x, now.y - gesture.y);
+      camera.zoom(gesture.distance / Math.max(1, now.distance), place(now), aspect());
       gesture = now;
     } else if (event.shiftKey || event.buttons & 2 || event.buttons & 4) {
       pan(dx, dy);
@@ -54,9 +64,18 @@ export function attachControls(canvas, camera, handlers) {
 
   const release = (event) => {
     if (!pointers.delete(event.pointerId)) return;
+    const wasGesture = gesture !== null;
     gesture = twoFingers(pointers);
-    const isClick = event.type === 'pointerup' && event.button === 0 && travelled < CLICK_PIXELS;
-    if (isClick && pointers.size === 0) handlers.clicked(place(event));
+    if (wasGesture) travelled = Infinity; // the other finger's release is no click
+    const limit = event.pointerType === 'touch' ? TAP_PIXELS : CLICK_PIXELS;
+    const isClick = event.type === 'pointerup' && event.button === 0 && travelled < limit;
+    if (!isClick || pointers.size > 0) return handlers.released();
+    const click = { time: event.timeStamp, x: event.clientX, y: event.clientY };
+    const isDouble =
+      click.time - lastClick.time < DOUBLE_MS &&
+      Math.hypot(click.x - lastClick.x, click.y - lastClick.y) < DOUBLE_PIXELS[event.pointerType];
+    lastClick = isDouble ? { time: -Infinity } : click;
+    return isDouble ? handlers.doubleClicked(placeOf(event)) : handlers.clicked(placeOf(event));
   };
   canvas.addEventListener('pointerup', release);
   canvas.addEventListener('pointercancel', release);
@@ -65,20 +84,17 @@ export function attachControls(canvas, camera, handlers) {
     'wheel',
     (event) => {
       event.preventDefault();
+      const where = placeOf(event);
+      if (event.timeStamp - lastWheel > NEW_WHEEL_MS) handlers.zooming(where);
+      lastWheel = event.timeStamp;
       const pixels = event.deltaY * (event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 20 : 1);
-      camera.zoom(Math.exp(Math.max(-300, Math.min(300, pixels)) * 0.0015));
+      // Trackpads report a pinch as small wheel steps with Ctrl.
+      const speed = event.ctrlKey ? 0.01 : 0.0015;
+      camera.zoom(Math.exp(Math.max(-300, Math.min(300, pixels)) * speed), where, aspect());
       handlers.moved();
     },
     { passive: false },
   );
-
-  canvas.addEventListener('keydown', (event) => {
-    if (event.ctrlKey || event.altKey || event.metaKey) return;
-    const action = keyAction(event, camera, handlers);
-    if (!action) return;
-    event.preventDefault();
-    action();
-  });
 }
 
 function twoFingers(pointers) {
@@ -89,22 +105,4 @@ function twoFingers(pointers) {
     y: (a.y + b.y) / 2,
     distance: Math.hypot(a.x - b.x, a.y - b.y),
   };
-}
-
-function keyAction(event, camera, handlers) {
-  const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-  const move = (change) => () => {
-    change();
-    handlers.moved();
-  };
-  const arrow = arrows[event.key];
-  if (arrow && event.shiftKey)
-    return move(() => camera.pan(arrow[0] * PAN_STEP, arrow[1] * PAN_STEP));
-  if (arrow) return move(() => camera.orbit(arrow[0] * STEP, arrow[1] * STEP));
-  if (event.key === '+' || event.key === '=') return move(() => camera.zoom(1 / 1.15));
-  if (event.key === '-') return move(() => camera.zoom(1.15));
-  if (event.key === 'Home' || event.key === '0') return handlers.reset;
-  // A ray through the middle: what a click is for those who use no mouse.
-  if (event.key === 'Enter') return () => handlers.clicked({ x: 0.5, y: 0.5 });
-  return null;
 }

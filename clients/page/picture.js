@@ -1,34 +1,45 @@
-// Keeps the canvas up to date. At most one request is in flight: small pictures while things move,
-// then the full size, then the same with several rays a pixel.
+// Keeps the canvas up to date. At most one picture is requested at a time: rough ones while things
+// move, then the full size, then the same with smooth silhouettes. A picture that is no longer
+// wanted is cancelled, which also ends its work in the server.
 import { serverTiming } from './api.js';
+import { isAbort } from './errors.js';
 
 const STILL_AFTER_MS = 140;
-const MOVING_FRAME_MS = 70; // the size of moving pictures is steered to take about that long
-const LARGEST_SIDE = 2048;
-const SMALLEST_SCALE = 0.12;
-const FINE_SAMPLES = 8;
-const SLOW_MS = 1500; // a full picture that took longer is not made finer
+const ROUGH_FRAME_MS = 80; // the size of rough pictures is steered to take about that long
+const ROUGH_LEAST = 0.5; // of the size in CSS pixels: smaller pictures look like stamps
+const LARGEST_SIDE = 3072;
+const SLOW_MS = 4000; // a full picture that took longer is not made finer
+const BUSY_AFTER_MS = 350;
 
-const QUALITY = { none: 0, moving: 1, full: 2, fine: 3 };
-const QUALITY_NAMES = Object.keys(QUALITY);
+const STAGES = ['none', 'rough', 'full', 'fine'];
+const [NONE, ROUGH, FULL, FINE] = STAGES.keys();
+
+/** Samples per pixel by mode and stage; undefined leaves the choice to the server. */
+const SAMPLES = {
+  shaded: { [ROUGH]: 1, [FULL]: 1 },
+  normal: { [ROUGH]: 1, [FULL]: 1 },
+  'ambient-occlusion': { [ROUGH]: 4, [FULL]: 16, [FINE]: 64 },
+};
 
 export class Picture {
   /**
-   * @param onShown called with {camera, width, height, precision, traceMs, totalMs, quality}
-   * @param onError called with what the request threw
+   * @param handlers.onShown called with {camera, width, height, precision, depthRange, traceMs,
+   *     totalMs, stage, isSettled}
+   * @param handlers.onError called with what the request threw
+   * @param handlers.onBusy called with whether the canvas lags behind noticeably
    */
-  constructor(canvas, api, { onShown, onError }) {
+  constructor(canvas, api, handlers) {
     this.canvas = canvas;
     this.context = canvas.getContext('2d');
     this.api = api;
-    this.onShown = onShown;
-    this.onError = onError;
+    this.handlers = handlers;
     this.scene = null; // {id, camera, query}
     this.version = 0; // counts changes of the scene
-    this.shown = { version: -1, quality: QUALITY.none };
+    this.shown = { version: -1, stage: NONE };
+    this.bitmap = null; // {image, camera}
     this.inFlight = null;
-    this.movingScale = 0.4;
-    this.canBeFine = true;
+    this.roughScale = 0.7;
+    this.isHeld = false;
     new ResizeObserver(() => this.resize()).observe(canvas);
   }
 
@@ -39,23 +50,41 @@ export class Picture {
 
   /** Shows `scene`: {id, camera, query}, or null for nothing. */
   show(scene, { moving = false } = {}) {
-    if (this.scene?.id !== scene?.id) this.clear();
+    const isOther = this.scene?.id !== scene?.id;
+    if (isOther) this.bitmap = null;
     this.scene = scene && { ...scene, camera: scene.camera.clone() };
     this.version += 1;
+    delete this.canvas.dataset.settled;
     clearTimeout(this.stillTimer);
-    this.moving = moving;
-    if (moving) {
-      this.stillTimer = setTimeout(() => {
-        this.moving = false;
-        this.next();
-      }, STILL_AFTER_MS);
-    }
+    this.isMoving = moving;
+    if (moving) this.isHeld = false;
+    // Of a mesh that was not seen before, anything is better than waiting for the full picture.
+    this.isNew = (this.isNew || isOther) && Boolean(scene);
+    if (moving) this.stillTimer = setTimeout(() => this.settle(), STILL_AFTER_MS);
+    this.draw();
     this.next();
   }
 
-  clear() {
-    this.bitmap = null;
-    this.draw();
+  settle() {
+    this.isMoving = false;
+    this.next();
+  }
+
+  /** Cancels a picture in flight that is not rough. No other follows until release() or a move. */
+  hold() {
+    this.isHeld = true;
+    if (this.inFlight?.stage > ROUGH) this.inFlight.abort.abort();
+  }
+
+  release() {
+    this.isHeld = false;
+    this.next();
+  }
+
+  /** Requests again what could not be had, for example while the server was gone. */
+  retry() {
+    this.shown = { version: -1, stage: NONE };
+    this.next();
   }
 
   resize() {
@@ -67,7 +96,7 @@ export class Picture {
   }
 
   /** Size in pixels of a request at this fraction of the full size. */
-  size(part) {
+  size(part = 1) {
     const { width, height } = this.canvas;
     const fit = Math.min(part, LARGEST_SIDE / Math.max(width, height, 1));
     return {
@@ -79,91 +108,141 @@ export class Picture {
   /** Starts the next request if there is something to do and none is in flight. */
   next() {
     if (this.inFlight) {
-      // A small picture is nearly there and better than none; a large one of yesterday is dropped,
+      // A rough picture is nearly there and better than none; a large one of yesterday is dropped,
       // and so is any of another tree.
-      const stale = this.inFlight.version !== this.version;
-      const dear = this.inFlight.quality > QUALITY.moving || this.inFlight.id !== this.scene?.id;
-      if (stale && dear) this.inFlight.abort.abort();
+      const isStale = this.inFlight.version !== this.version;
+      const isDear = this.inFlight.stage > ROUGH || this.inFlight.id !== this.scene?.id;
+      if (isStale && isDear) this.inFlight.abort.abort();
       return;
     }
-    const quality = this.wantedQuality();
-    if (quality !== QUALITY.none) this.request(quality);
+    const stage = this.wantedStage();
+    if (stage !== NONE && !this.isHeld) this.request(stage);
   }
 
-  wantedQuality() {
-    if (!this.scene || !this.canvas.width || !this.canvas.height) return QUALITY.none;
-    const current = this.shown.version === this.version ? this.shown.quality : QUALITY.none;
-    if (this.moving) return current === QUALITY.none ? QUALITY.moving : QUALITY.none;
-    if (current < QUALITY.full) return QUALITY.full;
-    return current < QUALITY.fine && this.canBeFine && this.isFineUseful()
-      ? QUALITY.fine
-      : QUALITY.none;
+  wantedStage() {
+    if (!this.scene || !this.canvas.width || !this.canvas.height) return NONE;
+    const current = this.shown.version === this.version ? this.shown.stage : NONE;
+    if (this.isMoving || this.isNew) return current === NONE ? ROUGH : NONE;
+    return current < this.lastStage() ? Math.max(FULL, current + 1) : NONE;
   }
 
-  /** The other modes take one sample per pixel; more is an error. */
-  takesSamples() {
-    return !['depth', 'triangle', 'cost'].includes(this.scene.query.mode);
+  /** The best stage that this scene has. */
+  lastStage() {
+    const isSlow = this.shown.version === this.version && this.shown.totalMs > SLOW_MS;
+    return this.scene.query.mode in SAMPLES && !isSlow ? FINE : FULL;
   }
 
-  isFineUseful() {
-    return this.takesSamples() && this.shown.totalMs < SLOW_MS;
+  parameters(stage) {
+    const { camera, query } = this.scene;
+    const roughPart = this.roughScale / (window.devicePixelRatio || 1);
+    const parameters = {
+      ...query,
+      ...camera.parameters(),
+      ...this.size(stage === ROUGH ? roughPart : 1),
+    };
+    const samples = SAMPLES[query.mode]?.[stage];
+    if (samples) parameters.samples = samples;
+    return parameters;
   }
 
-  async request(quality) {
-    const { id, camera, query } = this.scene;
+  async request(stage) {
+    const { id, camera } = this.scene;
     const version = this.version;
-    const size = this.size(quality === QUALITY.moving ? this.movingScale : 1);
     const abort = new AbortController();
-    this.inFlight = { version, quality, id, abort };
+    this.inFlight = { version, stage, id, abort };
+    if (stage < FINE) this.expect();
     try {
-      const parameters = { ...query, ...camera.parameters(), ...size };
-      if (quality === QUALITY.fine) parameters.samples = FINE_SAMPLES;
-      if (quality === QUALITY.moving && this.takesSamples()) parameters.samples = 1;
+      const parameters = this.parameters(stage);
       const started = performance.now();
-      const response = await this.api.render(id, parameters, abort.signal);
-      const bitmap = await createImageBitmap(await response.blob());
+      // Rough pictures are many, and none is asked for twice.
+      const cache = stage === ROUGH ? 'no-store' : 'default';
+      const options = { signal: abort.signal, cache };
+      const { blob, headers } = await this.api.render(id, parameters, options);
+      const image = await createImageBitmap(blob);
       const totalMs = performance.now() - started;
-      if (quality === QUALITY.moving) this.steer(totalMs);
+      if (stage === ROUGH) this.steer(totalMs);
       if (this.scene?.id === id) {
-        this.bitmap = bitmap;
+        this.bitmap = { image, camera };
+        this.shown = { version, stage, totalMs };
+        this.isNew = false;
         this.draw();
-        this.shown = { version, quality, totalMs };
-        this.onShown({
-          camera,
-          ...size,
-          quality: QUALITY_NAMES[quality],
-          totalMs,
-          precision: response.headers.get('Kdray-Precision'),
-          traceMs: serverTiming(response).trace,
-        });
+        this.tell(stage, camera, parameters, headers, totalMs);
       }
     } catch (error) {
-      this.fail(error, version, quality);
+      this.fail(error, version);
     }
     this.inFlight = null;
     this.next();
   }
 
-  fail(error, version, quality) {
-    if (error.name === 'AbortError') return;
-    // Asking the same again would give the same: this version counts as shown.
-    this.shown = { version, quality: QUALITY.fine, totalMs: 0 };
-    if (quality === QUALITY.fine) this.canBeFine = false;
-    else this.onError(error);
+  tell(stage, camera, { width, height }, headers, totalMs) {
+    const isCurrent = this.shown.version === this.version;
+    const isSettled = isCurrent && stage >= this.lastStage();
+    this.canvas.dataset.stage = STAGES[stage];
+    if (isSettled) this.canvas.dataset.settled = 'true';
+    if (stage >= FULL ? isCurrent : this.isMoving) this.busy(false);
+    this.handlers.onShown({
+      camera,
+      width,
+      height,
+      stage: STAGES[stage],
+      isSettled,
+      totalMs,
+      precision: headers.get('Kdray-Precision'),
+      depthRange: headers.get('Kdray-Depth-Range'),
+      traceMs: serverTiming(headers).trace,
+    });
   }
 
-  /** Adapts the size of moving pictures to their speed. */
+  fail(error, version) {
+    if (isAbort(error)) return;
+    this.busy(false);
+    // Asking the same again at once would give the same: this version counts as shown.
+    this.shown = { version, stage: FINE, totalMs: 0 };
+    this.isNew = false;
+    if (error.isOutage) return; // retry() follows when the server is back
+    if (error.retryAfterMs) setTimeout(() => this.retry(), error.retryAfterMs);
+    else this.handlers.onError(error);
+  }
+
+  /** Says that the canvas lags behind if the full picture takes long. */
+  expect() {
+    this.busyTimer ??= setTimeout(() => this.busy(true), BUSY_AFTER_MS);
+  }
+
+  busy(isBusy) {
+    clearTimeout(this.busyTimer);
+    this.busyTimer = null;
+    this.handlers.onBusy(isBusy);
+  }
+
+  /** Adapts the size of rough pictures to their speed. */
   steer(tookMs) {
-    const factor = Math.sqrt(MOVING_FRAME_MS / Math.max(tookMs, 1));
-    const scale = this.movingScale * Math.max(0.7, Math.min(1.15, factor));
-    this.movingScale = Math.max(SMALLEST_SCALE, Math.min(1, scale));
+    const factor = Math.sqrt(ROUGH_FRAME_MS / Math.max(tookMs, 1));
+    const wanted = this.roughScale * Math.max(0.8, Math.min(1.15, factor));
+    this.roughScale = Math.max(ROUGH_LEAST, Math.min(1, wanted));
   }
 
+  /** What is seen: {camera, x, y, zoom}, the last picture's camera and how it is moved; or null. */
+  get placement() {
+    if (!this.bitmap || !this.scene) return null;
+    const { camera } = this.bitmap;
+    const shift = this.scene.camera.shiftFrom(camera, this.aspect);
+    return { camera, ...(shift ?? { x: 0.5, y: 0.5, zoom: 1 }) };
+  }
+
+  /** Draws the last picture, moved to where the camera is now: pans and zooms are seen at once. */
   draw() {
     const { width, height } = this.canvas;
     this.context.clearRect(0, 0, width, height);
-    if (!this.bitmap) return;
+    if (!this.placement) return;
+    const { x, y, zoom } = this.placement;
+    const { image } = this.bitmap;
+    const drawnHeight = height * zoom;
+    const drawnWidth = (drawnHeight * image.width) / image.height;
     this.context.imageSmoothingQuality = 'high';
-    this.context.drawImage(this.bitmap, 0, 0, width, height);
+    this.context.drawImage(
+      image, x * width - drawnWidth / 2, y * height - drawnHeight / 2, drawnWidth, drawnHeight,
+    );
   }
 }

@@ -1,4 +1,4 @@
-// Numbers and ids as people read them, and elements made of them.
+// Numbers and ids as people read them.
 
 const count = new Intl.NumberFormat('en');
 
@@ -18,8 +18,23 @@ export function bytesText(bytes) {
 export const shortNumber = (number, digits = 4) =>
   Number.isFinite(number) ? String(Number(number.toPrecision(digits))) : '–';
 
-export const millisecondsText = (ms) =>
-  !Number.isFinite(ms) ? '–' : ms < 1000 ? `${shortNumber(ms, 3)} ms` : `${shortNumber(ms / 1000, 3)} s`;
+export function millisecondsText(ms) {
+  if (!Number.isFinite(ms)) return '–';
+  return ms < 1000 ? `${shortNumber(ms, 3)} ms` : `${shortNumber(ms / 1000, 3)} s`;
+}
+
+/** Whole seconds, or minutes and seconds: for times that are estimated. */
+export function secondsText(seconds) {
+  const whole = Math.max(1, Math.round(seconds));
+  return whole < 60 ? `${whole} s` : `${Math.floor(whole / 60)} min ${whole % 60} s`;
+}
+
+/** 4,100,000 as "4.1 M". */
+export function millionsText(number) {
+  if (!Number.isFinite(number)) return '–';
+  if (number >= 1e6) return `${shortNumber(number / 1e6, 3)} M`;
+  return number >= 1e3 ? `${shortNumber(number / 1e3, 3)} k` : shortNumber(number, 3);
+}
 
 export const pointText = (point, digits = 4) =>
   point.map((x) => shortNumber(x, digits)).join(', ');
@@ -29,20 +44,3 @@ export const shortId = (id) => id.slice(0, 12) + id.slice(64);
 
 /** A word as one argument of a POSIX shell. */
 export const shellQuote = (word) => `'${word.replaceAll("'", `'\\''`)}'`;
-
-export function element(name, properties = {}, ...children) {
-  const made = Object.assign(document.createElement(name), properties);
-  made.append(...children);
-  return made;
-}
-
-/** Fills a <dl> with pairs; those whose value is null or undefined are left out. */
-export function fillFacts(list, pairs) {
-  const rows = pairs.filter(([, value]) => value !== null && value !== undefined);
-  list.replaceChildren(
-    ...rows.flatMap(([name, value]) => [
-      element('dt', { textContent: name }),
-      element('dd', {}, value),
-    ]),
-  );
-}

@@ -1,6 +1,6 @@
 // Asks for the token that a server with --token-file wants.
 
-/** Resolves with the typed token; nothing works without one, so the dialog stays open until then. */
+/** Resolves with the typed token. Nothing works without one, so the dialog stays until then. */
 export function askForToken(dialog, field) {
   field.value = '';
   dialog.showModal();

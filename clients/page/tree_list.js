@@ -1,11 +1,16 @@
-// The trees that the server has, newest first, page by page.
-import { showTrees } from './panels.js';
+// The trees that the server has, newest first, page by page, with small pictures.
+import { byId, element } from './dom.js';
+import { nameOf } from './names.js';
+import { bytesText, shortId, trianglesText } from './text.js';
 
 export class TreeList {
-  /** @param onChoose called with the id of a tree that was clicked */
-  constructor(api, moreButton, onChoose) {
+  /**
+   * @param previews gives an <img> for a tree
+   * @param onChoose called with the id of a tree that was clicked
+   */
+  constructor(api, previews, onChoose) {
     this.api = api;
-    this.moreButton = moreButton;
+    this.previews = previews;
     this.onChoose = onChoose;
     this.trees = [];  // descriptions of all loaded pages
     this.next = null;  // cursor after the last of them
@@ -45,7 +50,37 @@ export class TreeList {
   }
 
   show() {
-    this.moreButton.hidden = !this.next;
-    showTrees(this.trees, this.chosenId, this.onChoose);
+    byId('more').hidden = !this.next;
+    const items = this.trees.map((tree) => this.item(tree));
+    if (items.length === 0)
+      items.push(element('li', { className: 'quiet', textContent: 'None yet.' }));
+    // Elements are made anew, so the focus has to be put back.
+    const focused = document.activeElement?.dataset.tree;
+    byId('trees').replaceChildren(...items);
+    if (focused) byId('trees').querySelector(`[data-tree="${focused}"]`)?.focus();
+  }
+
+  item(tree) {
+    const name = nameOf(tree.id);
+    const facts = [
+      tree.mesh.triangles === undefined
+        ? bytesText(tree.mesh.bytes)
+        : trianglesText(tree.mesh.triangles),
+      tree.tree?.build,
+    ];
+    const title = { className: name ? 'name' : 'name id', textContent: name ?? shortId(tree.id) };
+    const words = element(
+      'span', { className: 'words' },
+      element('span', title),
+      element('span', { className: 'quiet', textContent: facts.filter(Boolean).join(' · ') }),
+    );
+    const button = element('button', { type: 'button', title: tree.id });
+    button.append(this.previews.image(tree), words);
+    if (tree.state === 'building')
+      words.append(element('progress', { value: tree.progress, ariaLabel: 'Building' }));
+    button.dataset.tree = tree.id;
+    button.ariaCurrent = String(tree.id === this.chosenId);
+    button.addEventListener('click', () => this.onChoose(tree.id));
+    return element('li', {}, button);
   }
 }

@@ -1,128 +1,200 @@
-// Puts the page together: which tree is shown, how, and what the buttons do.
-import { Api, treePath } from './api.js';
-import { OrbitCamera } from './camera.js';
+// Puts the page together: which tree is shown, what the buttons do, and what the address says.
+import { Address } from './address.js';
+import { Api } from './api.js';
+import { parseNumbers } from './camera.js';
 import { copyText, hitCommand, renderCommand } from './commands.js';
-import { attachControls } from './controls.js';
-import { nameOf } from './names.js';
-import { showHit, showProblem, showToast, showTree } from './panels.js';
-import { Picture } from './picture.js';
-import { element, millisecondsText, trianglesText } from './text.js';
+import { Connection } from './connection.js';
+import { addOptions, byId, saveBlob } from './dom.js';
+import { Eta } from './eta.js';
+import { Inspector } from './inspector.js';
+import { nameOf, rememberName } from './names.js';
+import { announce, report, showLost, showProblem, showToast, trying } from './notices.js';
+import { Previews } from './previews.js';
+import * as rayPanel from './ray_panel.js';
+import { Settings } from './settings.js';
+import { Stage } from './stage.js';
+import { Tabs } from './tabs.js';
+import { shortId, trianglesText } from './text.js';
 import { askForToken } from './token_dialog.js';
+import { TradeoffPanel } from './tradeoff_panel.js';
 import { TreeList } from './tree_list.js';
+import { showTree } from './tree_panel.js';
+import { guessUpAxis } from './up_axis.js';
 import { acceptDrops, Uploads } from './uploads.js';
 
 const LIST_EVERY_MS = 15000;
-// Of the contract, which names them; `position` has no picture.
-const MODES = ['shaded', 'normal', 'depth', 'triangle', 'ambient-occlusion', 'cost'];
-const DEEPEST_CELLS = 24; // a slider with more steps cannot be aimed; deeper cells are specks
-
-const byId = (id) => document.getElementById(id);
-const canvas = byId('canvas');
-const camera = new OrbitCamera();
-const api = new Api(() => askForToken(byId('token-dialog'), byId('token')));
-const picture = new Picture(canvas, api, { onShown: pictureShown, onError: showProblem });
-const list = new TreeList(api, byId('more'), (id) => choose(id));
+const BUILD_POLL_MS = 500;
 
 let chosen = null; // the description of the tree in the picture
-let lastHit = null; // {ray, query, point}: the last click
-let shownCamera = null; // of the picture on the canvas, which may lag behind `camera`
+let choices = 0; // counts calls of choose: the last one wins
+let maxCells = 0; // in a picture
+let restoring = 0; // calls of restore() under way
+let hasPictureFailed = false;
+
+const connection = new Connection('readyz', connectionChanged);
+const api = new Api(
+  () => askForToken(byId('token-dialog'), byId('token')),
+  () => connection.lost(),
+);
+const settings = new Settings(settingsChanged);
+const stage = new Stage(api, {
+  query: () => settings.query(stage.camera.upAxis),
+  shot: trying(shoot),
+  surfaceAt: trying(surfaceAt),
+  shown: pictureShown,
+  actions: keyActions(),
+  onError: pictureFailed,
+});
+const inspector = new Inspector(api, { panel: rayPanel, overlay: stage.overlay, onError: report });
+const tradeoff = new TradeoffPanel(api, { onError: report, onChange: () => writeAddress() });
+const list = new TreeList(api, new Previews(api, () => stage.isIdle), (id) => choose(id));
+const tabs = new Tabs(byId('tabs'), () => writeAddress());
+const address = new Address(trying(restore));
 
 // ---- The picture ----
 
-function renderQuery() {
-  const query = { mode: byId('mode').value, ...precisionQuery() };
-  if (Number(byId('cells').value) >= 0) query.cells_depth = byId('cells').value;
-  return query;
-}
-
-function precisionQuery() {
-  const precision = byId('precision').value;
-  return precision === 'auto' ? {} : { precision };
-}
-
-function refresh({ moving = false } = {}) {
+function settingsChanged({ moving = false, isChoice = false }) {
   if (!chosen) return;
-  // The page's own background shows through.
-  const query = { ...renderQuery(), background: 'transparent' };
-  picture.show({ id: chosen.id, camera, query }, { moving });
+  if (isChoice) writeAddress({ isStep: true });
+  stage.refresh({ moving });
+  shootAgain();
 }
 
-function pictureShown({ camera: seen, width, height, quality, precision, traceMs, totalMs }) {
-  shownCamera = seen;
-  showProblem(null);
-  placeMarker();
-  const parts = [
-    `${width} × ${height}`,
-    precision,
-    `traced in ${millisecondsText(traceMs)}`,
-    `here after ${millisecondsText(totalMs)}`,
-  ];
-  byId('status').textContent = parts.filter(Boolean).join(' · ');
-  canvas.dataset.quality = quality;
-  if (quality !== 'moving') history.replaceState(null, '', `#${link()}`);
+function pictureFailed(error) {
+  hasPictureFailed = true;
+  report(error);
 }
 
-function frameChosen() {
-  const { min, max } = chosen.mesh.bounds;
-  camera.frame(min, max, picture.aspect);
+function pictureShown({ stage: quality, isSettled }) {
+  if (hasPictureFailed) showProblem(null);
+  hasPictureFailed = false;
+  if (quality === 'rough') return;
+  writeAddress();
+  if (isSettled) inspector.changeDepth(settings.cellsDepth).catch(report);
+}
+
+function reset(view) {
+  stage.frame(view);
+  stage.refresh();
+}
+
+function setUpAxis(axis) {
+  stage.camera.upAxis = axis;
+  showCamera();
+  reset();
+  writeAddress({ isStep: true });
+}
+
+function setProjection() {
+  stage.camera.projection = byId('projection').value;
+  stage.refresh();
+  writeAddress({ isStep: true });
+}
+
+/** Puts the camera's choices into the fields. */
+function showCamera() {
+  byId('projection').value = stage.camera.projection;
+  byId(`up-${stage.camera.upAxis}`).checked = true;
+}
+
+function stepCells(step) {
+  const deepest = Number(byId('cells').max);
+  const depth = Math.max(-1, Math.min(deepest, (settings.cellsDepth ?? -1) + step));
+  settings.cellsDepth = depth < 0 ? null : depth;
+  settingsChanged({ moving: true });
+}
+
+function keyActions() {
+  return {
+    Home: () => reset(),
+    0: () => reset(),
+    '[': () => stepCells(-1),
+    ']': () => stepCells(1),
+    f: trying(toggleFullScreen),
+    s: trying(savePicture),
+  };
+}
+
+function toggleFullScreen() {
+  return document.fullscreenElement
+    ? document.exitFullscreen()
+    : byId('view').requestFullscreen();
+}
+
+function savePicture() {
+  return chosen && stage.save(`${nameOf(chosen.id) ?? shortId(chosen.id)}-${settings.mode}`);
 }
 
 // ---- The tree ----
 
-async function choose(id, { keepCamera = false } = {}) {
-  try {
-    await showWhenReady(id, keepCamera);
-  } catch (error) {
-    showProblem(error);
-  }
-}
-
-async function showWhenReady(id, keepCamera) {
-  let tree = await api.tree(id);
-  while (tree.state !== 'ready') {
-    byId('status').textContent = `building, ${Math.round(100 * tree.progress)} %`;
-    tree = await api.tree(id, 1000);
-  }
+/** @param values of an address to restore, besides the tree; without, the mesh is framed */
+async function choose(id, values = null, { isStep = true } = {}) {
+  const choice = ++choices;
+  const tree = await trying(() => whenReady(id, choice))();
+  if (!tree || choice !== choices) return;
+  const isOther = chosen?.id !== tree.id;
   const isOtherMesh = chosen?.mesh.sha256 !== tree.mesh.sha256;
   chosen = tree;
-  if (isOtherMesh) {
-    clearHit();
-    if (!keepCamera) frameChosen();
+  stage.choose(tree);
+  if (isOtherMesh || (values && values.ray !== rayText())) inspector.clear();
+  const isRestored = values && stage.camera.restore(values);
+  if (!isRestored && isOtherMesh) {
+    stage.camera.upAxis = guessUpAxis(tree.mesh);
+    stage.frame();
   }
-  camera.measure(tree.mesh.bounds.min, tree.mesh.bounds.max);
-  showChosen();
-  refresh();
+  if (!values && isOther) writeAddress({ isStep });
+  showChosen(values);
+  stage.refresh();
+  await followLink(values);
+  shootAgain();
 }
 
-function showChosen() {
+async function whenReady(id, choice) {
+  let tree = await api.tree(id);
+  const eta = new Eta();
+  while (tree.state !== 'ready' && choice === choices) {
+    byId('status').textContent = `building · ${eta.text(tree.progress)}`;
+    tree = await api.tree(id, BUILD_POLL_MS);
+  }
+  return tree;
+}
+
+function showChosen(values) {
   showTree(chosen);
+  showCamera();
   list.choose(chosen?.id ?? null);
   byId('empty').hidden = Boolean(chosen);
-  canvas.ariaLabel = chosen
-    ? `Picture of a mesh with ${trianglesText(chosen.mesh.triangles)}`
-    : 'No tree chosen';
-  document.title = chosen ? `kdray · ${byId('tree-name').textContent}` : 'kdray';
+  byId('corner').hidden = !chosen;
+  tradeoff.choose(chosen, { isLikely: Boolean(values?.measured) });
+  const words = chosen ? trianglesText(chosen.mesh.triangles) : '';
+  stage.canvas.ariaLabel = chosen ? `Picture of a mesh with ${words}` : 'No tree chosen';
+  document.title = chosen ? `${nameOf(chosen.id) ?? shortId(chosen.id)} · kdray` : 'kdray';
   if (!chosen) return;
-  byId('cells').max = Math.min(chosen.tree.max_depth, DEEPEST_CELLS);
-  showCellsDepth();
+  announce(`${nameOf(chosen.id) ?? 'Mesh'}, ${words}`);
+  settings.limitCells(chosen.tree, maxCells);
 }
 
-function showCellsDepth() {
-  const depth = Number(byId('cells').value);
-  byId('cells-depth').value = depth < 0 ? 'off' : depth;
+/** What else than tree and camera a link restores. */
+async function followLink(values) {
+  if (!values) return;
+  const numbers = parseNumbers(values.ray, 6);
+  if (numbers && !inspector.shot) {
+    const ray = { origin: numbers.slice(0, 3), direction: numbers.slice(3) };
+    await trying(shootRay)(ray);
+  }
+  tabs.show(values.panel);
 }
 
 async function deleteChosen() {
-  if (!confirm('Forget this tree? The mesh goes with its last tree.')) return;
+  if (!confirm('Delete this tree? The mesh is deleted with its last tree.')) return;
   const { id } = chosen;
   await api.deleteTree(id);
   chosen = null;
-  picture.show(null);
-  clearHit();
+  stage.choose(null);
+  inspector.clear();
   list.remove(id);
   showChosen();
-  history.replaceState(null, '', location.pathname);
-  byId('status').textContent = '';
+  address.clear();
   showToast('Deleted');
 }
 
@@ -137,90 +209,128 @@ async function rebuild() {
 
 /** Fetched by script rather than by a plain link, which could not carry the token. */
 async function downloadMesh() {
-  const response = await api.fetch(`${treePath(chosen.id)}/mesh`);
-  const href = URL.createObjectURL(await response.blob());
-  const name = nameOf(chosen.id) ?? `${chosen.id.slice(0, 12)}.${chosen.mesh.format}`;
-  element('a', { href, download: name }).click();
-  setTimeout(() => URL.revokeObjectURL(href), 60000);
+  const blob = await api.meshFile(chosen.id);
+  saveBlob(blob, nameOf(chosen.id) ?? `${chosen.id.slice(0, 12)}.${chosen.mesh.format}`);
 }
 
 // ---- Rays ----
 
-async function shoot({ x, y }) {
-  if (!chosen || !shownCamera) return;
-  const ray = shownCamera.ray(x, y, picture.aspect);
-  const query = { fields: 't,triangle,u,v,normal,point', ...precisionQuery() };
-  const [hit] = (await api.closestHit(chosen.id, ray, query)).results;
-  lastHit = { ray, query, point: hit?.point };
-  showHit(hit);
-  placeMarker();
+/** The click's tab comes forward: there is the answer. */
+async function shoot(ray) {
+  await shootRay(ray);
+  tabs.show('ray');
+  writeAddress();
 }
 
-function clearHit() {
-  lastHit = null;
-  showHit(undefined);
-  placeMarker();
+function shootRay(ray) {
+  return inspector.shoot(chosen, ray, settings.precisionQuery(), settings.cellsDepth);
 }
 
-function placeMarker() {
-  const place = lastHit?.point && shownCamera?.project(lastHit.point, picture.aspect);
-  const marker = byId('marker');
-  marker.hidden = !place;
-  if (!place) return;
-  marker.style.left = `${100 * place.x}%`;
-  marker.style.top = `${100 * place.y}%`;
+/** The last ray with another precision, or in another tree. */
+function shootAgain() {
+  const { shot } = inspector;
+  if (shot && !inspector.hasShot(chosen, settings.precisionQuery())) trying(shootRay)(shot.ray);
 }
 
-// ---- Links and commands ----
-
-/** The fragment that restores tree, camera and choices. */
-function link() {
-  const parameters = { tree: chosen.id, ...renderQuery(), ...camera.parameters() };
-  return new URLSearchParams(parameters).toString().replaceAll('%2C', ',');
+/** The last ray as links have it; undefined without. */
+function rayText() {
+  const ray = inspector.shot?.ray;
+  return ray && [...ray.origin, ...ray.direction].join();
 }
 
-/** Whether the page's address names a tree to show. */
-async function openLink() {
-  const parameters = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
-  if (!/^[0-9a-f]{64}-[a-z0-9.-]{1,63}$/.test(parameters.tree ?? '')) return false;
-  for (const name of ['mode', 'precision']) chooseOption(byId(name), parameters[name]);
-  const cells = byId('cells');
-  cells.max = DEEPEST_CELLS; // until the tree's own depth is known
-  cells.value = parameters.cells_depth ?? -1;
-  const keepCamera = camera.restore(parameters);
-  byId('up').value = camera.upAxis;
-  byId('projection').value = camera.projection;
-  await choose(parameters.tree, { keepCamera });
-  return true;
+async function surfaceAt(ray) {
+  const { hit } = await api.closestHit(chosen.id, ray, { fields: 'point' });
+  return hit?.point ?? null;
 }
 
-/** Chooses an existing option; other values in a link are ignored. */
-function chooseOption(select, value) {
-  if ([...select.options].some((option) => option.value === value)) select.value = value;
+// ---- The address, links and commands ----
+
+function currentValues() {
+  return {
+    tree: chosen.id,
+    name: nameOf(chosen.id),
+    ...settings.values(),
+    ...stage.camera.parameters(),
+    ray: rayText(),
+    panel: tabs.chosen === tabs.tabs[0].dataset.tab ? null : tabs.chosen,
+    measured: tradeoff.result ? 1 : null,
+  };
+}
+
+function writeAddress(options) {
+  // While it is restored, it says more than is shown.
+  if (chosen && restoring === 0) address.write(currentValues(), options);
+}
+
+async function restore(values) {
+  if (values.name && !nameOf(values.tree)) rememberName(values.tree.slice(0, 64), values.name);
+  ++restoring;
+  try {
+    settings.restore(values);
+    await choose(values.tree, values);
+  } finally {
+    --restoring;
+  }
 }
 
 function copyLink() {
-  const url = new URL(location.href);
-  url.hash = chosen ? link() : '';
-  return copyText(String(url), 'Link');
+  writeAddress();
+  return copyText(location.href, 'Link');
 }
 
 function copyRenderCommand() {
   if (!chosen) return showToast('No tree chosen');
-  const query = { ...renderQuery(), ...camera.parameters(), ...picture.size(1) };
+  const camera = stage.camera.parameters();
+  const query = { ...settings.query(stage.camera.upAxis), ...camera, ...stage.picture.size() };
   return copyText(renderCommand(api, chosen.id, query), 'Command');
 }
 
-// ---- Wiring ----
+function copyHitCommand() {
+  const { tree, ray, query } = inspector.shot;
+  return copyText(hitCommand(api, tree.id, ray, query), 'Command');
+}
 
-/** An event's work, whose failure is shown instead of lost in the console. */
-const trying = (work) => async (event) => {
-  try {
-    await work(event);
-  } catch (error) {
-    showProblem(error);
-  }
-};
+// ---- The server ----
+
+function connectionChanged(isLost) {
+  showLost(isLost);
+  announce(isLost ? 'The server cannot be reached' : 'The server is back');
+  if (isLost) return;
+  if (isStarted) trying(() => list.load())();
+  else start();
+  stage.picture.retry();
+}
+
+/** The formats that the server reads, in the file chooser and for people. */
+function offerFormats(formats) {
+  byId('file').accept = formats.map((format) => `.${format}`).join();
+  byId('formats').textContent = formats.join(', ').toUpperCase();
+}
+
+function offer(info) {
+  byId('version').textContent = info.version;
+  settings.offerPrecisions(info.precisions);
+  addOptions(byId('build'), info.builds);
+  addOptions(byId('rebuild'), info.builds);
+  offerFormats(info.formats);
+  inspector.precisions = info.precisions.filter((name) => name !== 'auto');
+  maxCells = info.limits.max_picture_cells;
+}
+
+let isStarted = false;
+
+const start = trying(async () => {
+  const info = await api.info();
+  isStarted = true;
+  offer(info);
+  await list.load();
+  const values = address.values();
+  if (values) await restore(values);
+  const first = list.firstReady();
+  if (!chosen && first) await choose(first.id, null, { isStep: false });
+});
+
+// ---- Wiring ----
 
 const on = (id, type, work) => byId(id).addEventListener(type, trying(work));
 
@@ -231,7 +341,7 @@ function wireUploads() {
     onTree: trying((tree) => Promise.all([choose(tree.id), list.load()])),
   });
   acceptDrops(byId('drop'), (files) => uploads.add(files));
-  on('choose', 'click', () => byId('file').click());
+  for (const id of ['choose', 'choose-first']) on(id, 'click', () => byId('file').click());
   on('file', 'change', () => {
     uploads.add([...byId('file').files]);
     byId('file').value = ''; // so that the same file can be chosen again
@@ -239,32 +349,20 @@ function wireUploads() {
 }
 
 function wirePicture() {
-  const reset = () => {
-    if (!chosen) return;
-    frameChosen();
-    refresh();
-  };
-  attachControls(canvas, camera, {
-    moved: () => refresh({ moving: true }),
-    clicked: trying(shoot),
-    reset,
+  on('projection', 'change', setProjection);
+  for (const axis of ['y', 'z']) on(`up-${axis}`, 'change', () => setUpAxis(axis));
+  on('side', 'change', () => {
+    reset(byId('side').value);
+    byId('side').value = '';
   });
-  on('reset', 'click', reset);
-  on('tools', 'submit', (event) => event.preventDefault());
-  on('mode', 'change', () => refresh());
-  on('precision', 'change', () => refresh());
-  on('projection', 'change', () => {
-    camera.projection = byId('projection').value;
-    refresh();
-  });
-  on('up', 'change', () => {
-    camera.upAxis = byId('up').value;
-    if (chosen) frameChosen();
-    refresh();
-  });
-  on('cells', 'input', () => {
-    showCellsDepth();
-    refresh();
+  on('reset', 'click', () => reset());
+  on('save', 'click', savePicture);
+  on('full', 'click', toggleFullScreen);
+  byId('full').hidden = !document.fullscreenEnabled;
+  // A menu closes when something else is used.
+  addEventListener('pointerdown', (event) => {
+    for (const menu of document.querySelectorAll('details.menu[open]'))
+      if (!menu.contains(event.target)) menu.open = false;
   });
 }
 
@@ -275,43 +373,23 @@ function wireRest() {
   on('download', 'click', downloadMesh);
   on('share', 'click', copyLink);
   on('curl', 'click', copyRenderCommand);
-  on('hit-curl', 'click', () =>
-    copyText(hitCommand(api, chosen.id, lastHit.ray, lastHit.query), 'Command'),
-  );
+  on('hit-curl', 'click', copyHitCommand);
+  on('clear-ray', 'click', () => {
+    inspector.clear();
+    writeAddress();
+  });
+  on('show-cost', 'click', () => {
+    settings.mode = 'cost';
+    settingsChanged({ isChoice: true });
+  });
+  on('help', 'click', () => byId('help-dialog').showModal());
   on('problem-close', 'click', () => showProblem(null));
-  addEventListener('hashchange', trying(openLink));
   setInterval(() => {
-    if (document.visibilityState === 'visible') trying(() => list.load())();
+    if (document.visibilityState === 'visible' && !connection.isLost) trying(() => list.load())();
   }, LIST_EVERY_MS);
 }
 
-function fill(select, names) {
-  const options = names.map((name) => element('option', { value: name, textContent: name }));
-  select.append(...options);
-}
-
-/** The formats that the server reads, in the file chooser and for people. */
-function offerFormats(formats) {
-  byId('file').accept = formats.map((format) => `.${format}`).join();
-  byId('formats').textContent = `: ${formats.join(', ').toUpperCase()}`;
-}
-
-async function start() {
-  wireUploads();
-  wirePicture();
-  wireRest();
-  fill(byId('mode'), MODES);
-  await trying(async () => {
-    const info = await api.info();
-    byId('version').textContent = info.version;
-    fill(byId('precision'), info.precisions);
-    fill(byId('build'), info.builds);
-    fill(byId('rebuild'), info.builds);
-    offerFormats(info.formats);
-    await list.load();
-    const first = list.firstReady();
-    if (!(await openLink()) && first) await choose(first.id);
-  })();
-}
-
+wireUploads();
+wirePicture();
+wireRest();
 start();

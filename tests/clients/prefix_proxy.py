@@ -1,5 +1,6 @@
 """A reverse proxy that puts a service under a path of its own, as sites with several services do."""
 import http.server
+import select
 import threading
 import urllib.error
 import urllib.request
@@ -8,9 +9,17 @@ PER_CONNECTION = {"connection", "content-length", "host", "keep-alive", "transfe
 
 
 class PrefixProxy:
-    """Context manager; `url` is where it listens, the prefix included."""
+    """Context manager; `url` is where it listens, the prefix included.
 
-    def __init__(self, target, prefix):
+    `delay` gives the seconds that a request waits, by its path with the query; `dropped` are the paths
+    of those whose client left while they waited, and `waiting` counts those that wait.
+    """
+
+    def __init__(self, target, prefix, delay=lambda path: 0):
+        dropped = self.dropped = []
+        self.waiting = 0
+        proxy = self
+
         class Handler(http.server.BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.1"
 
@@ -18,6 +27,10 @@ class PrefixProxy:
                 body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
                 if not self.path.startswith(prefix + "/"):
                     self.send_error(404)
+                    return
+                if not self.client_waits(delay(self.path)):
+                    dropped.append(self.path)
+                    self.close_connection = True
                     return
                 request = urllib.request.Request(
                     target + self.path[len(prefix):], body if self.command == "POST" else None,
@@ -28,6 +41,16 @@ class PrefixProxy:
                     answer = error
                 with answer:
                     self.answer(answer.status, kept(answer.headers), answer.read())
+
+            def client_waits(self, seconds):
+                """Sleeps; False as soon as the client has closed its connection."""
+                if seconds == 0:
+                    return True
+                proxy.waiting += 1
+                # A client of this proxy sends nothing before the answer: what can be read is its end.
+                readable, _, _ = select.select([self.connection], [], [], seconds)
+                proxy.waiting -= 1
+                return not readable
 
             def answer(self, status, headers, body):
                 self.send_response(status)

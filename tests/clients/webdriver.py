@@ -124,13 +124,13 @@ class Browser:
                    {"type": "pointerUp", "button": button}]
         self._act("pointer", actions, {"pointerType": "mouse"})
 
-    def press(self, selector, place, button=0):
-        """A click at `place`, in pixels from the element's middle."""
+    def press(self, selector, place, button=0, times=1, pointer="mouse"):
+        """Clicks at `place`, in pixels from the element's middle."""
         origin = self.find(selector)
-        self._act("pointer", [{"type": "pointerMove", "origin": origin, "x": round(place[0]),
-                               "y": round(place[1]), "duration": 0},
-                              {"type": "pointerDown", "button": button},
-                              {"type": "pointerUp", "button": button}], {"pointerType": "mouse"})
+        self._act(pointer, [{"type": "pointerMove", "origin": origin, "x": round(place[0]),
+                             "y": round(place[1]), "duration": 0},
+                            *times * [{"type": "pointerDown", "button": button},
+                                      {"type": "pointerUp", "button": button}]], {"pointerType": pointer})
 
     def pinch(self, selector, start, end, steps=6):
         """Two fingers, left and right of the element's middle, go from `start` to `end` pixels off it."""
@@ -148,15 +148,15 @@ class Browser:
 
         self.command("POST", "/actions", {"actions": [finger(-1), finger(1)]})
 
-    def wheel(self, selector, pixels):
-        self._act("wheel", [{"type": "scroll", "origin": self.find(selector), "x": 0, "y": 0,
-                             "deltaX": 0, "deltaY": pixels, "duration": 0}])
+    def wheel(self, selector, pixels, place=(0, 0)):
+        self._act("wheel", [{"type": "scroll", "origin": self.find(selector), "x": round(place[0]),
+                             "y": round(place[1]), "deltaX": 0, "deltaY": pixels, "duration": 0}])
 
     def key(self, key):
         self._act("key", [{"type": "keyDown", "value": key}, {"type": "keyUp", "value": key}])
 
     def _act(self, kind, actions, parameters=None):
-        source = {"type": kind, "id": kind, "actions": actions}
+        source = {"type": "pointer" if parameters else kind, "id": kind, "actions": actions}
         if parameters:
             source["parameters"] = parameters
         self.command("POST", "/actions", {"actions": [source]})
@@ -164,6 +164,42 @@ class Browser:
     def screenshot(self, path):
         with open(path, "wb") as file:
             file.write(base64.b64decode(self.command("GET", "/screenshot")))
+
+    def label(self, element):
+        """The accessible name of an element of find_all()."""
+        return self.command("GET", f"/element/{element[ELEMENT]}/computedlabel")
+
+    def find_all(self, selector):
+        return self.command("POST", "/elements", {"using": "css selector", "value": selector})
+
+    def back(self):
+        self.command("POST", "/back")
+
+    def forward(self):
+        self.command("POST", "/forward")
+
+    def size(self, width, height, phone=False):
+        """Gives the page this many pixels; as a telephone also fingers and twice the density."""
+        self._devtools("Emulation.setDeviceMetricsOverride", width=width, height=height, mobile=phone,
+                       deviceScaleFactor=2 if phone else 1)
+        self._devtools("Emulation.setTouchEmulationEnabled", enabled=phone)
+
+    def prefer(self, scheme):
+        """`light` or `dark`, as the system's setting."""
+        feature = {"name": "prefers-color-scheme", "value": scheme}
+        self._devtools("Emulation.setEmulatedMedia", features=[feature])
+
+    def block(self, *patterns):
+        """Requests of these URLs fail as without a network; * stands for any text."""
+        self._devtools("Network.enable")
+        self._devtools("Network.setBlockedURLs", urls=patterns)
+
+    def _devtools(self, command, **parameters):
+        self.command("POST", "/goog/cdp/execute", {"cmd": command, "params": parameters})
+
+    def errors(self):
+        """What a person sees in red in the console, since the last call."""
+        return [entry["message"] for entry in self.console() if entry["level"] == "SEVERE"]
 
     def console(self):
         """Messages of the page and of the browser about it, since the last call."""

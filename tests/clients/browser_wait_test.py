@@ -1,0 +1,68 @@
+"""The viewer page in a real browser: a large mesh that takes its time, and a daemon that is gone."""
+import time
+
+from page import FINGERPRINT, SETTLED, PageTest, main
+
+
+class BrowserWaitTest(PageTest):
+    def test_a_mesh_of_two_million_triangles_says_how_long_it_takes_and_stays_quick(self):
+        browser = self.open_page()
+        large = self.sample("sphere-large.ply", "--detail", "317")
+        browser.choose("#build", "kd-binned")
+        browser.run("""window.words = [];
+            new MutationObserver(() => words.push(document.querySelector('#uploads').textContent))
+                .observe(document.querySelector('#uploads'), {childList: true, subtree: true, characterData: true});""")
+        browser.type("#file", large)
+        browser.wait("return document.querySelector('#tree-name').textContent === 'sphere-large.ply'", seconds=60)
+        words = browser.run("return window.words")
+        self.assertTrue(any("sending" in text and "%" in text for text in words), words)
+        building = [text for text in words if "building" in text]
+        self.assertTrue(any("s left" in text for text in building), building)
+        browser.wait(SETTLED, seconds=30)
+        # While the mesh is turned there are rough pictures, and a click is answered in between.
+        browser.drag("#canvas", (0, 0), (120, 30))
+        started = time.monotonic()
+        browser.press("#canvas", (10, 10))
+        browser.wait("return document.querySelector('#hit-facts').textContent.includes('Triangle')")
+        self.assertLess(time.monotonic() - started, 2)
+        browser.wait(SETTLED, seconds=30)
+        self.assertEqual(browser.errors(), [])
+
+    def test_an_upload_can_be_stopped(self):
+        browser = self.open_page()
+        # Two files: the second one waits for its turn.
+        browser.type("#file", "\n".join([self.sample("terrain-a.ply", "--detail", "700"),
+                                         self.sample("terrain-b.ply", "--detail", "701")]))
+        browser.wait("return document.querySelectorAll('#uploads li').length === 2")
+        browser.click("#uploads li:last-child button")
+        browser.click("#uploads li:first-child button")
+        browser.wait("return document.querySelectorAll('#uploads li').length === 0")
+        self.assertNotEqual(self.text("#tree-name"), "terrain-b.ply")
+
+    def test_the_page_survives_a_daemon_that_is_gone_and_comes_back(self):
+        browser = self.open_tree()
+        picture = browser.run(FINGERPRINT)
+        self.daemon.stop()
+        try:
+            browser.drag("#canvas", (0, 0), (60, 20))
+            self.wait_shown("#lost")
+            self.assertFalse(self.is_shown("#problem"))
+        finally:
+            self.daemon.start()
+        browser.wait("return !document.querySelector('#lost').checkVisibility()")
+        browser.wait(SETTLED)
+        self.assertNotEqual(browser.run(FINGERPRINT), picture)
+        self.shoot((0, 0))
+
+    def test_a_page_that_finds_no_service_starts_when_there_is_one(self):
+        tree = self.kdray("upload", self.teapot)
+        self.browser.block("*/v1*", "*/readyz")
+        self.browser.open(f"{self.daemon.url}/#tree={tree}")
+        self.wait_shown("#lost")
+        self.browser.block()
+        self.browser.wait(SETTLED)
+        self.assertFalse(self.is_shown("#lost"))
+
+
+if __name__ == "__main__":
+    main()
