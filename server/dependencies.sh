@@ -37,7 +37,10 @@ python3
 python3-yaml
 zlib1g-dev
 END
-    test) cat <<'END' ;;
+    test)
+      # Debian 12 has no trimesh.
+      [[ $(release) == 12 ]] || printf '%s\n' python3-rtree python3-trimesh
+      cat <<'END'
 chromium
 chromium-driver
 curl
@@ -58,6 +61,7 @@ python3-venv
 python3-wheel
 zstd
 END
+      ;;
     run)
       case $(release) in
         12) echo libcpp-httplib0.11 libspdlog1.10 libssl3 ;;

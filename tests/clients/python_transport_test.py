@@ -1,7 +1,11 @@
 """The Python package kdray against servers that misbehave: python_transport_test.py"""
 import io
+import shutil
 import socket
+import ssl
+import subprocess
 import sys
+import tempfile
 import threading
 import time
 import unittest
@@ -149,11 +153,12 @@ class PythonTransportTest(unittest.TestCase):
 
     def test_a_deletion_whose_answer_was_lost_is_done(self):
         gone = say(404, {"code": "tree_not_found"})
-        server, client = self.ask(say(200, TREE), hang_up, hang_up, gone, gone)
-        tree = client.tree(ID)
-        tree.delete()
-        with self.assertRaises(kdray.Problem):
+        for lost in ([hang_up], [hang_up, hang_up]):  # on a kept connection, and on a new one
+            server, client = self.ask(say(200, TREE), *lost, gone, gone)
+            tree = client.tree(ID)
             tree.delete()
+            with self.assertRaises(kdray.Problem):
+                tree.delete()
 
     def test_a_part_of_a_batch_is_repeated_alone_and_keeps_its_place(self):
         # One request at a time: the second part's connection breaks, the third meets a busy server.
@@ -188,9 +193,31 @@ class PythonTransportTest(unittest.TestCase):
         self.assertTrue(closed.wait(5))
         self.assertLess(time.monotonic() - began, 5)
 
+    @unittest.skipUnless(shutil.which("openssl"), "openssl is not installed")
+    def test_https_checks_the_certificate(self):
+        with tempfile.TemporaryDirectory() as folder:
+            key, certificate = f"{folder}/key.pem", f"{folder}/certificate.pem"
+            subprocess.run(
+                ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "1"]
+                + ["-subj", "/CN=127.0.0.1", "-addext", "subjectAltName=IP:127.0.0.1"]
+                + ["-keyout", key, "-out", certificate],
+                check=True,
+                capture_output=True,
+            )
+            tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            tls.load_cert_chain(certificate, key)
+            trusting = ssl.create_default_context(cafile=certificate)
+        with ScriptedServer(say(200, TREE), say(200, TREE), tls=tls) as server:
+            with self.assertRaisesRegex(kdray.ConnectionFailed, "CERTIFICATE_VERIFY_FAILED"):
+                kdray.Client(server.url).tree(ID)
+            with kdray.Client(server.url, ssl_context=trusting) as client:
+                self.assertEqual([client.tree(ID).id for _ in range(2)], [ID, ID])
+            self.assertEqual(server.connections, 2)
+
     def test_a_path_in_the_address_stands_before_every_request(self):
         server, client = self.ask(say(200, TREE))
         prefixed = kdray.Client(server.url + "/rays/", token="sesame")
+        self.addCleanup(prefixed.close)
         prefixed.tree(ID)
         self.assertTrue(server.requests[0].startswith(f"GET /rays/v1/trees/{ID} HTTP/1.1\r\n"))
         self.assertIn("Authorization: Bearer sesame\r\n", server.requests[0])

@@ -24,13 +24,15 @@ class ScriptedServer:
     `requests` are the heads that were read.
     """
 
-    def __init__(self, *steps):
+    def __init__(self, *steps, tls=None):
+        self._tls = tls  # an ssl.SSLContext
         self._steps = list(steps)
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._connections = []
         self.requests = []
         self.connections = 0
-        self.url = "http://127.0.0.1:%d" % self._listener.getsockname()[1]
+        scheme = "https" if tls else "http"
+        self.url = f"{scheme}://127.0.0.1:{self._listener.getsockname()[1]}"
         self._thread = threading.Thread(target=self._accept, daemon=True)
         self._thread.start()
 
@@ -54,6 +56,8 @@ class ScriptedServer:
 
     def _serve(self, connection):
         try:
+            if self._tls:
+                connection = self._tls.wrap_socket(connection, server_side=True)
             while self._steps and self._read_head(connection):
                 if not self._steps.pop(0)(connection):
                     break

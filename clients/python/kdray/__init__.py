@@ -6,7 +6,8 @@
     hits["t"], hits["triangle"]                   # arrays; a miss has triangle -1
     tree.render(view="iso")                       # a notebook shows the picture
 
-`Client` has uploads, `Tree` the queries.
+`Client` has uploads, `Tree` the queries. `kdray.trimesh` and `kdray.open3d` have classes that take
+the places of trimesh's RayMeshIntersector and Open3D's RaycastingScene.
 """
 from __future__ import annotations
 

@@ -86,11 +86,11 @@ def blocks(
 def first_of(waiting: Deque["Future[List[Block[Part]]]"]) -> List[Block[Part]]:
     """Takes the first one when it is done. If another fails earlier, its error is raised."""
     while not waiting[0].done():
-        done, _ = wait(
-            [future for future in waiting if not future.done()], return_when=FIRST_COMPLETED
-        )
-        for future in done:
-            future.result()
+        pending = [future for future in waiting if not future.done()]
+        for future in waiting:
+            if future not in pending:
+                future.result()
+        wait(pending, return_when=FIRST_COMPLETED)
     return waiting.popleft().result()
 
 

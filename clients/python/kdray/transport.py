@@ -165,6 +165,7 @@ class Transport:
             target += "?" + urlencode(query, quote_via=quote, safe=",")
         give_up = time.monotonic() + self._retry_s
         broken = refused = 0
+        was_lost = False  # the server may have done what was asked
         while True:
             connection, is_reused = self._take()
             try:
@@ -186,6 +187,7 @@ class Transport:
                 connection.close()
                 if flight is not None and flight.is_aborted:
                     raise Aborted("the batch was given up") from None
+                was_lost = True
                 if is_reused:  # the server had closed it before the request came
                     self.close()
                     continue
@@ -208,8 +210,8 @@ class Transport:
             if answer.status < 400:
                 return answer
             problem = Problem.of_answer(answer.status, answer.content)
-            if method == "DELETE" and broken and problem.status == 404:
-                return answer  # done by the request whose answer was lost
+            if method == "DELETE" and was_lost and problem.status == 404:
+                return answer
             wait_s = wait_before_repeat(answer, refused)
             if wait_s is None or time.monotonic() + wait_s > give_up:
                 raise problem
@@ -235,7 +237,9 @@ class Transport:
 
     def _take(self) -> Tuple[http.client.HTTPConnection, bool]:
         with self._lock:
-            if self._pid != os.getpid():  # after a fork the sockets belong to the parent
+            if self._pid != os.getpid():  # after a fork the connections are the parent's
+                for connection in self._idle:
+                    connection.close()  # closes this process's copy only
                 self._idle, self._pid = [], os.getpid()
             if self._idle:
                 return self._idle.pop(), True
