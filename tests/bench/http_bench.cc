@@ -64,7 +64,7 @@ void MeasureBatch(const core::Scene& scene, core::RayBatch rays, const std::stri
 int Main(const std::string& folder, int runs) {
   const BenchMesh mesh = LoadBenchMesh("igea_268k");
   const core::Scene scene = MakeScene(mesh.data);
-  std::vector<core::RayF> rays = MakeRayClasses(*scene.mesh, mesh.data, kSide / 2).front().rays;
+  std::vector<core::RayF> rays = MakeRayClasses(*scene.mesh, mesh, kSide / 2).front().rays;
   rays.resize(kRays);
   std::vector<core::Ray> wide;
   std::vector<float> numbers;

@@ -209,7 +209,7 @@ void RunMesh(const std::string& name, int side) {
       std::make_shared<const core::Tree>(core::BuildTree(*mesh, core::BuildKind::kKdSah).value());
   const core::Scene scene{mesh, tree};
   const Embree embree(bench.data);
-  for (const BenchRays& batch : MakeRayClasses(*mesh, bench.data, side)) {
+  for (const BenchRays& batch : MakeRayClasses(*mesh, bench, side)) {
     const std::span<const RayF> rays(batch.rays);
     std::vector<double> theirs(rays.size());
     for (std::size_t i = 0; i < rays.size(); ++i) {

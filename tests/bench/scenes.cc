@@ -11,6 +11,7 @@
 #include <cstring>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <random>
 #include <thread>
 
@@ -18,6 +19,7 @@
 #include "core/io/mesh_reader.h"
 #include "core/scene/scene.h"
 #include "core/trace/trace.h"
+#include "tests/bench/interior.h"
 #include "tests/support/mesh_files.h"
 
 namespace kdray::bench {
@@ -107,11 +109,17 @@ MeshData FoldedSphere(int frequency) {
 }
 
 BenchMesh LoadBenchMesh(const std::string& name) {
-  if (name == "scan_1m") return {name, FoldedSphere(235)};
-  if (name == "scan_4m") return {name, FoldedSphere(470)};
+  if (name == "scan_1m") return {name, FoldedSphere(235), {}};
+  if (name == "scan_4m") return {name, FoldedSphere(470), {}};
+  if (name == "office") {
+    return {name, OfficeFloor(),
+            BenchView{{9, 1.7, 8.5}, {13, 1.1, 3}, {0, 1, 0}, {12.5, 2.5, 5.5}, 0.7}};
+  }
   const std::map<std::string, std::string> files = {{"bunny_69k", "stanford_bunny_69k_ascii.ply"},
                                                     {"igea_268k", "igea_268k.ply"},
-                                                    {"classroom_111k", "classroom_111k.ply"}};
+                                                    {"classroom_111k", "classroom_111k.ply"},
+                                                    {"classroom_inside", "classroom_111k.ply"},
+                                                    {"classroom_outside", "classroom_111k.ply"}};
   const auto file = files.find(name);
   if (file == files.end()) Fail("no benchmark mesh is called " + name);
   const auto folder = test::MeshFolder();
@@ -121,11 +129,16 @@ BenchMesh LoadBenchMesh(const std::string& name) {
   // Decimal fractions are no floats; Embree would round them, so both get the rounded ones.
   for (Vec3d& v : data->vertices) v = Vec3d(Vec3f(v));
   data->single_precision = true;
-  return {name, *std::move(data)};
+  std::optional<BenchView> view;
+  if (name == "classroom_inside") {
+    view = {{-5.8, 1.8, 0.45}, {-2, -1.2, -0.35}, {0, 0, 1}, {-3.2, 0.3, 0.8}, 0.7};
+  }
+  return {name, *std::move(data), view};
 }
 
-std::vector<BenchRays> MakeRayClasses(const core::TriangleMesh& mesh, const MeshData& data,
+std::vector<BenchRays> MakeRayClasses(const core::TriangleMesh& mesh, const BenchMesh& bench,
                                       int side) {
+  const MeshData& data = bench.data;
   std::mt19937_64 engine(20061);
   const auto uniform = [&](double low, double high) {
     return std::uniform_real_distribution<>(low, high)(engine);
@@ -134,10 +147,15 @@ std::vector<BenchRays> MakeRayClasses(const core::TriangleMesh& mesh, const Mesh
   const double size = core::Length(bounds.Extent());
   const float kInf = std::numeric_limits<float>::infinity();
 
-  // The camera looks from the front, a little from above, and sees the whole mesh.
-  const Vec3d eye = bounds.Center() + core::Normalized(Vec3d{0.3, 0.35, 1}) * (1.1 * size);
-  const Vec3d forward = core::Normalized(bounds.Center() - eye);
-  const Vec3d right = core::Normalized(core::Cross(forward, Vec3d{0, 1, 0}));
+  // The usual camera looks from the front, a little from above, and sees the whole mesh.
+  const BenchView view = bench.view.value_or(
+      BenchView{bounds.Center() + core::Normalized(Vec3d{0.3, 0.35, 1}) * (1.1 * size),
+                bounds.Center(),
+                {0, 1, 0},
+                bounds.Center() + Vec3d{0.6, 0.9, 0.7} * size});
+  const Vec3d eye = view.eye;
+  const Vec3d forward = core::Normalized(view.target - eye);
+  const Vec3d right = core::Normalized(core::Cross(forward, view.up));
   const Vec3d up = core::Cross(right, forward);
   const auto camera = [&](int pixels) {
     BenchRays primary{"primary, pixel order", false, {}};
@@ -145,8 +163,9 @@ std::vector<BenchRays> MakeRayClasses(const core::TriangleMesh& mesh, const Mesh
       for (int tx = 0; tx < pixels; tx += 8) {
         for (int y = ty; y < ty + 8; ++y) {
           for (int x = tx; x < tx + 8; ++x) {
-            const Vec3d direction = forward + right * (0.45 * ((2.0 * x + 1) / pixels - 1)) +
-                                    up * (0.45 * (1 - (2.0 * y + 1) / pixels));
+            const Vec3d direction = forward +
+                                    right * (view.half_width * ((2.0 * x + 1) / pixels - 1)) +
+                                    up * (view.half_width * (1 - (2.0 * y + 1) / pixels));
             primary.rays.push_back({Vec3f(eye), 0, Vec3f(direction), kInf});
           }
         }
@@ -165,7 +184,6 @@ std::vector<BenchRays> MakeRayClasses(const core::TriangleMesh& mesh, const Mesh
       core::TraceClosest({shared, tree}, std::span<const RayF>(primary.rays),
                          {core::Precision::kWatertight, {}}, hits);
   if (!status.ok()) Fail(status.error().message);
-  const Vec3d light = bounds.Center() + Vec3d{0.6, 0.9, 0.7} * size;
   BenchRays diffuse{"diffuse, pixel order", false, {}};
   BenchRays shadow{"shadow, pixel order", true, {}};
   for (std::size_t i = 0; i < hits.size(); ++i) {
@@ -183,7 +201,7 @@ std::vector<BenchRays> MakeRayClasses(const core::TriangleMesh& mesh, const Mesh
       p = {uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)};
     } while (core::Dot(p, p) > 1 || core::Dot(p, p) < 1e-6);
     diffuse.rays.push_back({Vec3f(at), 0, Vec3f(normal + core::Normalized(p) * 0.999), kInf});
-    shadow.rays.push_back({Vec3f(at), 0, Vec3f(light - at), 1});
+    shadow.rays.push_back({Vec3f(at), 0, Vec3f(view.lamp - at), 1});
   }
   const auto shuffled = [&](const BenchRays& from, const char* name) {
     BenchRays to{name, from.any, from.rays};

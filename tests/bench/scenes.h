@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,15 +14,24 @@
 
 namespace kdray::bench {
 
+/// A camera and a lamp.
+struct BenchView {
+  core::Vec3d eye, target, up, lamp;
+  double half_width = 0.45;  ///< of the picture, at distance 1
+};
+
 /// A mesh whose vertices are floats, as Embree's are.
 struct BenchMesh {
   std::string name;
   core::MeshData data;
+  std::optional<BenchView> view;  ///< for rooms; other meshes are seen from outside as a whole
 };
 
 /// "bunny_69k", "igea_268k", "classroom_111k" of the mesh collection; "scan_1m" and "scan_4m",
-/// generated: FoldedSphere of 1,104,500 and 4,418,000 triangles. Ends the program with a message
-/// when there is no such mesh, or the collection is not there.
+/// generated: FoldedSphere of 1,104,500 and 4,418,000 triangles; "classroom_inside" and
+/// "classroom_outside", the classroom with a camera and a lamp inside, and as classroom_111k;
+/// "office", generated: OfficeFloor from inside a room. Ends the program with a message when there
+/// is no such mesh, or the collection is not there.
 BenchMesh LoadBenchMesh(const std::string& name);
 
 /// A sphere of 20 * frequency^2 triangles, displaced by waves of several lengths so that it has
@@ -39,8 +49,8 @@ struct BenchRays {
 /// Six classes, deterministic: primary rays of a picture of 2 side x 2 side pixels in tiles of 8 x
 /// 8; from the hits of one of side x side pixels diffuse rays (cosine about the normal) and shadow
 /// rays (to a light above the mesh; any hit), each in the order of the pixels and shuffled; rays
-/// through two random points of the bounds.
-std::vector<BenchRays> MakeRayClasses(const core::TriangleMesh& mesh, const core::MeshData& data,
+/// through two random points of the bounds. `mesh` is made of `bench`.
+std::vector<BenchRays> MakeRayClasses(const core::TriangleMesh& mesh, const BenchMesh& bench,
                                       int side);
 
 /// Embree asks that denormals are flushed to zero; our own code refuses to run so. Only around

@@ -2,7 +2,8 @@
 // single rays, packets of 16 and streams, coherent and incoherent), without and with ROBUST, taken
 // in turn in one process on the same rays.
 //
-// Options: --mesh NAME (may be repeated), --runs N, --side PIXELS, --threads N, --csv FILE,
+// Options: --mesh NAME (may be repeated), --build NAME (kd-sah), --runs N, --side PIXELS, --threads
+// N, --csv FILE,
 // --kernels (also each kernel alone, to see what the choice costs), --quick (Embree's MEDIUM only).
 #include <algorithm>
 #include <cmath>
@@ -33,6 +34,7 @@ struct Options {
   int runs = 7;
   int side = 512;
   int threads = 1;
+  core::BuildKind build = core::BuildKind::kKdSah;
   std::string csv;
   std::string rays;  // only the classes whose names contain it
   bool kernels = false;
@@ -289,9 +291,9 @@ void RunMesh(const std::string& name, const Options& options, Report* report) {
   const auto mesh =
       std::make_shared<const core::TriangleMesh>(core::TriangleMesh::Create(bench.data).value());
   const auto tree =
-      std::make_shared<const core::Tree>(core::BuildTree(*mesh, core::BuildKind::kKdSah).value());
+      std::make_shared<const core::Tree>(core::BuildTree(*mesh, options.build).value());
   const core::Scene scene{mesh, tree};
-  const std::vector<BenchRays> classes = MakeRayClasses(*mesh, bench.data, options.side);
+  const std::vector<BenchRays> classes = MakeRayClasses(*mesh, bench, options.side);
 
   std::fprintf(stderr, "%s: building for Embree\n", name.c_str());
   std::vector<std::unique_ptr<EmbreeScene>> scenes;
@@ -334,7 +336,8 @@ void RunMesh(const std::string& name, const Options& options, Report* report) {
   std::printf("\n### %s: %zu triangles, %d thread%s\n\n", name.c_str(), mesh->triangle_count(),
               options.threads, options.threads == 1 ? "" : "s");
   std::printf(
-      "kd-sah: %.1f bytes a triangle (nodes and leaf blocks); Embree MEDIUM: %.1f.\n\n",
+      "%s: %.1f bytes a triangle (nodes and leaf blocks); Embree MEDIUM: %.1f.\n\n",
+      std::string(Name(options.build)).c_str(),
       static_cast<double>(tree->bytes()) / static_cast<double>(mesh->triangle_count()),
       static_cast<double>(scenes.front()->bytes()) / static_cast<double>(mesh->triangle_count()));
   std::printf(
@@ -410,6 +413,14 @@ int Main(int argc, char** argv) {
     };
     if (name == "--mesh") {
       options.meshes.push_back(value());
+    } else if (name == "--build") {
+      const std::string build = value();
+      if (const auto kind = core::ParseBuildKind(build)) {
+        options.build = *kind;
+      } else {
+        std::fprintf(stderr, "no such build: %s\n", build.c_str());
+        return 2;
+      }
     } else if (name == "--runs") {
       options.runs = std::atoi(value().c_str());
     } else if (name == "--side") {
@@ -434,7 +445,8 @@ int Main(int argc, char** argv) {
     return 2;
   }
   if (options.meshes.empty()) {
-    options.meshes = {"bunny_69k", "igea_268k", "classroom_111k", "scan_1m", "scan_4m"};
+    options.meshes = {"bunny_69k",         "igea_268k", "classroom_inside", "office",
+                      "classroom_outside", "scan_1m",   "scan_4m"};
   }
   std::printf("%s; %d runs, medians; %dx%d pixels; SIMD %s\n", MachineLine().c_str(), options.runs,
               options.side, options.side, std::string(Name(core::BestSimdLevel())).c_str());
