@@ -7,7 +7,7 @@
 
 #include "core/base/enumerators.h"
 #include "core/io/foreign_files.h"
-#include "core/io/gltf_reader.h"
+#include "core/io/gltf_container.h"
 #include "core/io/mesh_error.h"
 #include "core/io/obj_reader.h"
 #include "core/io/off_reader.h"

@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <span>
-#include <string_view>
 
 #include "core/io/mesh_reader.h"
 
@@ -27,9 +26,5 @@ namespace kdray::core {
 /// memory is taken. Errors carry the JSON pointer, or the byte where the container or the JSON is
 /// broken; JSON without `asset` is kUnsupportedMeshFormat. See ReadMesh.
 Result<MeshData> ReadGltf(std::span<const std::byte> bytes, const MeshReadOptions& options);
-
-/// Whether the bytes begin as a GLB file, or as a JSON object, which glTF is. O(1).
-bool IsGlb(std::string_view bytes);
-bool BeginsAsJsonObject(std::string_view bytes);
 
 }  // namespace kdray::core

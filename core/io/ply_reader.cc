@@ -16,6 +16,7 @@
 #include "core/io/mesh_error.h"
 #include "core/io/ply_attributes.h"
 #include "core/io/ply_body.h"
+#include "core/io/ply_columns.h"
 #include "core/io/ply_header.h"
 #include "core/io/polygon.h"
 #include "core/io/printed_float.h"
@@ -24,90 +25,20 @@
 namespace kdray::core {
 namespace {
 
-// The positions of the needed properties in a row.
-struct Layout {
-  const PlyElement* vertex = nullptr;
-  const PlyElement* face = nullptr;  // or `tristrips`
-  bool is_strips = false;
-  std::array<std::size_t, 3> xyz{};
-  std::size_t corners = 0;
-};
-
-// The index of the property with that name, which must be unique; nullopt without one.
-Result<std::optional<std::size_t>> FindOnce(const PlyElement& element, std::string_view name) {
-  const std::optional<std::size_t> found = element.Find(name);
-  if (!found) return found;
-  if (const std::optional<std::size_t> second = element.Find(name, *found + 1)) {
-    return AtLine(element.properties[*second].line, "a second property " + Quoted(name));
-  }
-  return found;
-}
-
-Status FindVertex(const PlyHeader& header, Layout* layout) {
-  layout->vertex = header.Find("vertex");
-  if (layout->vertex == nullptr) {
-    return AtLine(layout->face->line, "there are faces but no element 'vertex'");
-  }
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const std::string_view name = std::string_view("xyz").substr(axis, 1);
-    const Result<std::optional<std::size_t>> found = FindOnce(*layout->vertex, name);
-    if (!found.ok()) return found.error();
-    if (!*found || layout->vertex->properties[**found].IsList()) {
-      return AtLine(layout->vertex->line, "the element 'vertex' has no number " + Quoted(name));
-    }
-    layout->xyz[axis] = **found;
-  }
-  return {};
-}
-
-Status FindCorners(Layout* layout) {
-  const PlyElement& face = *layout->face;
-  for (const std::string_view name : {"vertex_indices", "vertex_index"}) {
-    const Result<std::optional<std::size_t>> found = FindOnce(face, name);
-    if (!found.ok()) return found.error();
-    if (!*found) continue;
-    const PlyProperty& property = face.properties[**found];
-    if (!property.IsList() || !IsInteger(property.type)) break;
-    layout->corners = **found;
-    return {};
-  }
-  return AtLine(face.line, "the element " + Quoted(face.name) +
-                               " has no list of integers 'vertex_indices' or 'vertex_index'");
-}
-
-Result<Layout> FindLayout(const PlyHeader& header) {
-  Layout layout;
-  layout.face = header.Find("face");
-  if (layout.face == nullptr || layout.face->count == 0) {
-    const PlyElement* strips = header.Find("tristrips");
-    if (strips != nullptr && strips->count != 0) {
-      layout.face = strips;
-      layout.is_strips = true;
-    } else if (layout.face == nullptr) {
-      return Error{ErrorCode::kEmptyMesh, "the PLY file has no element 'face'"};
-    } else {
-      return Error{ErrorCode::kEmptyMesh, "the PLY file has no face"};
-    }
-  }
-  if (Status status = FindVertex(header, &layout); !status.ok()) return std::move(status).error();
-  if (Status status = FindCorners(&layout); !status.ok()) return std::move(status).error();
-  return layout;
-}
-
 template <class Body>
 class BodyReader {
  public:
-  BodyReader(std::string_view file, const PlyHeader& header, const Layout& layout, Body body,
+  BodyReader(std::string_view file, const PlyHeader& header, const PlyColumns& columns, Body body,
              const MeshReadOptions& options)
       : header_(header),
-        layout_(layout),
+        columns_(columns),
         file_bytes_(file.size()),
         body_(std::move(body)),
         vertices_(body_),
         options_(options),
         sink_(options.attributes),
-        vertex_uses_(layout.vertex, sink_),
-        face_uses_(layout.is_strips ? nullptr : layout.face, sink_),
+        vertex_uses_(columns.vertex, sink_),
+        face_uses_(columns.is_strips ? nullptr : columns.face, sink_),
         cancel_(options.cancel),
         cutter_(&data_, options.cancel, PolygonCutter::kStepsPerFile,
                 sink_ != nullptr ? sink_->cuts() : nullptr) {
@@ -125,14 +56,14 @@ class BodyReader {
     for (const PlyElement& element : header_.elements) {
       Status status = CheckClaim(element);
       if (!status.ok()) return std::move(status).error();
-      if (&element == layout_.vertex) {
+      if (&element == columns_.vertex) {
         vertices_ = body_;
         counts_.vertices = element.count;
         PlanAttributes();
         status = options_.Counted(counts_);
         if (status.ok()) status = ReadVertices();
         has_vertices = true;
-      } else if (&element == layout_.face) {
+      } else if (&element == columns_.face) {
         faces = body_;
         status = CountTriangles();
         has_faces = true;
@@ -168,7 +99,7 @@ class BodyReader {
                                       std::to_string(least) + " bytes; " +
                                       std::to_string(body_.remaining()) + " bytes are left");
     }
-    if (&element == layout_.vertex && element.count > kMaxVertices) {
+    if (&element == columns_.vertex && element.count > kMaxVertices) {
       return Error{ErrorCode::kMeshTooLarge, "the PLY file has " + std::to_string(element.count) +
                                                  " vertices; at most " +
                                                  std::to_string(kMaxVertices) + " are allowed"};
@@ -238,7 +169,7 @@ class BodyReader {
   }
 
   bool IsFloat(std::size_t axis) const {
-    return layout_.vertex->properties[layout_.xyz[axis]].type == PlyType::kFloat32;
+    return columns_.vertex->properties[columns_.xyz[axis]].type == PlyType::kFloat32;
   }
 
   // Numbers that the header declares as floats are read as floats up to the first that is not the
@@ -257,13 +188,14 @@ class BodyReader {
   }
 
   Status ReadVerticesOnce() {
-    const PlyElement& element = *layout_.vertex;
+    const PlyElement& element = *columns_.vertex;
     const std::size_t last = element.properties.size() - 1;
     if (!vertex_uses_.empty()) sink_->Plan(planned_);
     Vec3d vertex;
     return ForEachProperty(element, [&](std::size_t i) {
       const PlyProperty& property = element.properties[i];
-      const auto axis = std::find(layout_.xyz.begin(), layout_.xyz.end(), i) - layout_.xyz.begin();
+      const auto axis =
+          std::find(columns_.xyz.begin(), columns_.xyz.end(), i) - columns_.xyz.begin();
       const PlyUse use = vertex_uses_.of(i);
       const bool ok = axis < 3 ? ReadCoordinate(property.type, &vertex[static_cast<int>(axis)])
                       : use.meaning != PlyMeaning::kNothing ? ReadAttribute(property, use)
@@ -298,12 +230,12 @@ class BodyReader {
     if (!*invalid) return {};
     const std::size_t vertex = **invalid;
     const auto axis = static_cast<std::size_t>(InvalidAxis(data_.vertices[vertex]));
-    const PlyElement& element = *layout_.vertex;
+    const PlyElement& element = *columns_.vertex;
     body_ = vertices_;
     std::size_t row = 0;
     return ForEachProperty(element, [&](std::size_t i) {
       if (!body_.Skip(element.properties[i])) return false;
-      if (row == vertex && i == layout_.xyz[axis]) {
+      if (row == vertex && i == columns_.xyz[axis]) {
         return body_.Fail({ErrorCode::kInvalidMesh, WhyNotVertex(data_, vertex)});
       }
       row += i + 1 == element.properties.size() ? 1 : 0;
@@ -312,13 +244,13 @@ class BodyReader {
   }
 
   Status CountTriangles() {
-    const PlyElement& element = *layout_.face;
+    const PlyElement& element = *columns_.face;
     Status status = ForEachProperty(element, [&](std::size_t i) {
       const PlyProperty& property = element.properties[i];
-      if (i != layout_.corners) return body_.Skip(property);
+      if (i != columns_.corners) return body_.Skip(property);
       std::uint64_t corners = 0;
       if (!body_.ReadLength(property, &corners)) return false;
-      if (layout_.is_strips) return CountStrip(property.type, corners, &counts_.triangles);
+      if (columns_.is_strips) return CountStrip(property.type, corners, &counts_.triangles);
       if (corners < 3 && !body_.AllowsShortFaces()) {
         return body_.Fail(
             {ErrorCode::kInvalidMesh, "a face of " + std::to_string(corners) +
@@ -381,14 +313,14 @@ class BodyReader {
   }
 
   Status ReadFaces() {
-    const PlyElement& element = *layout_.face;
+    const PlyElement& element = *columns_.face;
     const std::size_t last = element.properties.size() - 1;
     if (sink_ != nullptr) sink_->Plan(planned_);
     return ForEachProperty(element, [&](std::size_t i) {
       const PlyProperty& property = element.properties[i];
       if (!ReadFaceProperty(property, i)) return false;
       // The colour may stand before or after the corners.
-      if (i == last && sink_ != nullptr && !layout_.is_strips) {
+      if (i == last && sink_ != nullptr && !columns_.is_strips) {
         AttributeSink::Face face{.vertices = corners_};
         if (face_uses_.has_color()) face.color = Row(PlyMeaning::kColor);
         sink_->AddFace(face, &cancel_);
@@ -398,12 +330,12 @@ class BodyReader {
   }
 
   bool ReadFaceProperty(const PlyProperty& property, std::size_t i) {
-    if (i != layout_.corners) {
+    if (i != columns_.corners) {
       const PlyUse use = face_uses_.of(i);
       return use.meaning == PlyMeaning::kNothing ? body_.Skip(property)
                                                  : ReadAttribute(property, use);
     }
-    if (layout_.is_strips) return ReadStrip(property);
+    if (columns_.is_strips) return ReadStrip(property);
     if (!ReadCorners(property)) return false;
     MakeRoom(data_.triangles, counts_.triangles, file_bytes_, corners_.size());
     Status status = cutter_.Add(corners_);
@@ -429,7 +361,7 @@ class BodyReader {
   }
 
   const PlyHeader& header_;
-  const Layout& layout_;
+  const PlyColumns& columns_;
   std::size_t file_bytes_;
   Body body_;
   Body vertices_;  // where they begin
@@ -453,9 +385,9 @@ class BodyReader {
 // does not fit even lines is read again, with the layout that its number of lines suggests.
 class AsciiReader {
  public:
-  AsciiReader(std::string_view file, const PlyHeader& header, const Layout& layout,
+  AsciiReader(std::string_view file, const PlyHeader& header, const PlyColumns& columns,
               const MeshReadOptions& options)
-      : file_(file), header_(header), layout_(layout), options_(options) {}
+      : file_(file), header_(header), columns_(columns), options_(options) {}
 
   Result<MeshData> Read() const {
     Result<MeshData> even = ReadBy(PlyLayout::kEvenLines);
@@ -479,14 +411,14 @@ class AsciiReader {
  private:
   Result<MeshData> ReadBy(PlyLayout layout) const {
     CancelPoll poll(options_.cancel);
-    return BodyReader<PlyAsciiBody>(file_, header_, layout_, {file_, header_, layout, &poll},
+    return BodyReader<PlyAsciiBody>(file_, header_, columns_, {file_, header_, layout, &poll},
                                     options_)
         .Read(layout == PlyLayout::kWords || layout == PlyLayout::kWrapped);
   }
 
   std::string_view file_;
   const PlyHeader& header_;
-  const Layout& layout_;
+  const PlyColumns& columns_;
   const MeshReadOptions& options_;
 };
 
@@ -498,13 +430,13 @@ Result<MeshData> ReadPly(std::span<const std::byte> bytes, const MeshReadOptions
   CancelPoll poll(options.cancel);
   Result<PlyHeader> header = ParsePlyHeader(file, &poll);
   if (!header.ok()) return std::move(header).error();
-  Result<Layout> layout = FindLayout(*header);
-  if (!layout.ok()) return std::move(layout).error();
+  Result<PlyColumns> columns = FindPlyColumns(*header);
+  if (!columns.ok()) return std::move(columns).error();
   if (header->format == PlyFormat::kAscii) {
     const std::size_t body = WithoutPadding(file.substr(header->body), &poll).size();
-    return AsciiReader(file.substr(0, header->body + body), *header, *layout, options).Read();
+    return AsciiReader(file.substr(0, header->body + body), *header, *columns, options).Read();
   }
-  return BodyReader<PlyBinaryBody>(file, *header, *layout, {file, *header}, options).Read(false);
+  return BodyReader<PlyBinaryBody>(file, *header, *columns, {file, *header}, options).Read(false);
 }
 
 }  // namespace kdray::core
