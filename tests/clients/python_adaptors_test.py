@@ -209,6 +209,21 @@ class PythonAdaptorsTest(unittest.TestCase):
         with self.assertRaises(ValueError):
             scene.create_rays_pinhole(60, [0, 1, 0], [0, 0, 0], [0, 1, 0], 4, 4)
 
+    def test_hits_that_are_cut_off_are_told(self):
+        stack = np.tile(np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]], "f4"), (1030, 1, 1))
+        stack[:, :, 2] = np.arange(1030)[:, None]
+        vertices, faces = stack.reshape(-1, 3), np.arange(3090).reshape(-1, 3)
+        scene, ray = self.scene(), self.intersector(vertices, faces)
+        scene.add_triangles(vertices, faces)
+        with self.assertWarnsRegex(UserWarning, "1 rays have more than 1024 hits") as warning:
+            hits = scene.list_intersections([[0.25, 0.25, -1, 0, 0, 1]])
+        self.assertEqual(len(hits["t_hit"]), 1024)
+        self.assertEqual(warning.filename, __file__)
+        with self.assertWarnsRegex(UserWarning, "1 rays have more than 1024 hits"):
+            ray.intersects_location([[0.25, 0.25, -1]], [[0, 0, 1]])
+        triangles, _ = ray.intersects_id([[0.25, 0.25, -1]], [[0, 0, 1]], max_hits=10)
+        self.assertEqual(triangles.tolist(), list(range(10)))
+
     def test_an_open_mesh_has_no_inside(self):
         scene = self.scene()
         vertices, faces = adaptor_cases.icosphere()

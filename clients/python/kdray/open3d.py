@@ -17,9 +17,10 @@ from typing import Any, Dict, List, Optional, Tuple
 import numpy as np
 import numpy.typing as npt
 
+from .batches import BatchInfo
 from .client import Client
 from .npy import Array
-from .queries import MOST_HITS
+from .queries import MOST_HITS, warn_of_truncation
 from .tree import Tree
 
 __all__ = ["RaycastingScene", "Tensor"]
@@ -48,7 +49,7 @@ class RaycastingScene:
     ) -> None:
         self._client = client or Client()
         self._meshes: List[Tuple[Array, Array]] = []
-        self._starts = np.zeros(
+        self._starts: Array = np.zeros(
             1, np.int64
         )  # first triangle of each geometry, and the number of all
         self._tree: Optional[Tree] = None
@@ -125,18 +126,20 @@ class RaycastingScene:
         return tensor(self.tree.count(rows).astype(np.int32))
 
     def list_intersections(self, rays: Any, nthreads: int = 0) -> Dict[str, Tensor]:
-        """All hits, at most 1024 of a ray.
+        """All hits; of more than 1024 of a ray, the nearest, with a warning.
 
         ray_splits, ray_ids, t_hit, geometry_ids, primitive_ids and primitive_uvs.
         """
         rows = rows_of(rays, (6, 8), "rays")
         number = int(np.prod(rows.shape[:-1], dtype=np.int64))
         if self._is_empty():
-            hits = np.zeros(
+            hits: Array = np.zeros(
                 0, [("ray", "i4"), ("t", "f4"), ("triangle", "i4"), ("u", "f4"), ("v", "f4")]
             )
         else:
-            hits = self.tree.all(rows, max_hits=MOST_HITS)
+            info = BatchInfo()
+            hits = self.tree.all(rows, max_hits=MOST_HITS, info=info)
+            warn_of_truncation(info, MOST_HITS)
         geometries, primitives = self._ids(hits["triangle"])
         splits = np.concatenate([[0], np.cumsum(np.bincount(hits["ray"], minlength=number))])
         return tensors(

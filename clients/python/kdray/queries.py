@@ -172,12 +172,8 @@ class Queries:
             progress,
             info,
         )
-        if info.truncated and max_hits is None:
-            warnings.warn(
-                f"{info.truncated} rays have more than {DEFAULT_MAX_HITS} hits, of which the "
-                f"nearest are kept; pass max_hits (at most {MOST_HITS})",
-                stacklevel=2,
-            )
+        if max_hits is None:
+            warn_of_truncation(info, DEFAULT_MAX_HITS)
         return answer
 
     def closest_points(
@@ -370,6 +366,16 @@ class Queries:
             work_s=float(DEFAULT_DEADLINE_MS if deadline_ms is None else deadline_ms) / 1000,
         )
         return read_array(answer.content), BatchInfo.of(answer)
+
+
+def warn_of_truncation(info: BatchInfo, most: int) -> None:
+    """Warns the caller's caller of hits that are missing because a row has more than `most`."""
+    if info.truncated:
+        more = f"; pass max_hits (at most {MOST_HITS})" if most < MOST_HITS else ""
+        warnings.warn(
+            f"{info.truncated} rays have more than {most} hits, of which the nearest are kept{more}",
+            stacklevel=3,
+        )
 
 
 def field_text(fields: Fields) -> str:

@@ -6,6 +6,7 @@ The methods, shapes, dtypes and miss values are those of `trimesh.ray.ray_triang
 - hits are sorted by ray, then by distance;
 - a ray through an edge or a vertex crosses the surface once, not once for each triangle there;
 - without hits, locations have the shape (0, 3), as in ray_pyembree;
+- of more than 1024 hits of a ray, the nearest are given, with a warning;
 - of an open mesh, `contains_points` is False where inside and outside are not defined.
 """
 from __future__ import annotations
@@ -15,9 +16,10 @@ from typing import Any, Optional, Tuple, Union
 import numpy as np
 import numpy.typing as npt
 
+from .batches import BatchInfo
 from .client import Client
 from .npy import Array
-from .queries import MOST_HITS
+from .queries import MOST_HITS, warn_of_truncation
 from .tree import Tree
 
 __all__ = ["RayMeshIntersector"]
@@ -101,7 +103,11 @@ class RayMeshIntersector:
         """(triangles, rays, locations)"""
         rays = joined(origins, directions)
         if multiple_hits:
-            hits = self.tree.all(rays, "triangle,point", max_hits=min(max_hits, MOST_HITS))
+            info = BatchInfo()
+            most = min(max_hits, MOST_HITS)
+            hits = self.tree.all(rays, "triangle,point", max_hits=most, info=info)
+            if max_hits >= MOST_HITS:
+                warn_of_truncation(info, MOST_HITS)
             numbers = hits["ray"]
         else:
             hits = self.tree.closest(rays, "triangle,point")
