@@ -52,6 +52,7 @@ libgtest-dev
 libpng-dev
 mypy
 nodejs
+python3-distributed
 python3-jsonschema
 python3-numpy
 python3-pip
