@@ -1,5 +1,7 @@
 """The Python package kdray against the real daemon: python_test.py KDRAYD KDRAY"""
 import hashlib
+import inspect
+import json
 import multiprocessing
 import os
 import pickle
@@ -282,9 +284,7 @@ class PythonTest(unittest.TestCase):
         info = kdray.BatchInfo()
         hits = self.tree.closest(rays, info=info)
         self.assertEqual(info.invalid, 2)
-        self.assertEqual(
-            info.precision, "double"
-        )  # what auto chose for vertices that are no floats
+        self.assertEqual(info.precision, "double")  # auto, for vertices that are no floats
         self.assertTrue(np.isnan(hits["t"][[1, 3]]).all())
         np.testing.assert_array_equal(hits["triangle"], np.where([0, 1, 0, 1, 0], -1, expected))
         self.tree.any(rays[:1], info=info)
@@ -424,9 +424,20 @@ class PythonTest(unittest.TestCase):
                 (points[:3], points[:2001]),
                 (points[:60], points[:60]),
             ):
-                np.testing.assert_array_equal(
-                    tree.visibility(sources, targets), self.tree.visibility(sources, targets)
-                )
+                for options in ({}, {"to_directions": True}):
+                    info, whole_info = kdray.BatchInfo(), kdray.BatchInfo()
+                    np.testing.assert_array_equal(
+                        tree.visibility(sources, targets, info=info, **options),
+                        self.tree.visibility(sources, targets, info=whole_info, **options),
+                    )
+                    self.assertEqual(info, whole_info)
+            self.assertEqual(info.invalid, 0)
+            targets = np.zeros((1500, 3))
+            targets[::500], targets[1] = np.nan, 1
+            for options, invalid in (({}, 4), ({"to_directions": True}, 4 + 1496)):
+                for asked in (tree, self.tree):
+                    asked.visibility(points[76:79], targets, info=info, **options)
+                    self.assertEqual(info.invalid, invalid)
             # A server that takes less than it said is asked in smaller parts.
             client._info["limits"].update(max_rays=100_000, max_answer_hits=1_600_000)
             self.assertEqual(tree.closest(rays).tobytes(), self.tree.closest(rays).tobytes())
@@ -468,11 +479,9 @@ class PythonTest(unittest.TestCase):
             np.testing.assert_array_equal(answer, expected)
         fork = multiprocessing.get_context("fork")
         results = fork.SimpleQueue()
+        # The children inherit the parent's connections.
         children = [
-            fork.Process(
-                target=lambda: results.put(self.tree.closest(rays))
-            )  # with the parent's connections
-            for _ in range(2)
+            fork.Process(target=lambda: results.put(self.tree.closest(rays))) for _ in range(2)
         ]
         for child in children:
             child.start()
@@ -641,6 +650,39 @@ class PythonTest(unittest.TestCase):
         for text in (b"", b"GIF89a", b"\x89PNG"):
             with self.assertRaises(ValueError):
                 kdray.Picture(text).array()
+
+    def test_every_parameter_of_the_contract_is_an_argument(self):
+        contract = json.loads(self.client.request("GET", "/openapi.json").content)
+
+        def resolved(part):
+            while "$ref" in part:
+                target = contract
+                for name in part["$ref"].lstrip("#/").split("/"):
+                    target = target[name]
+                part = target
+            return part
+
+        def arguments(method, *others):
+            return set(inspect.signature(method).parameters) - {"self", *others}
+
+        fields = set(resolved(contract["components"]["schemas"]["RenderRequest"])["properties"])
+        self.assertEqual(arguments(kdray.Tree.render), fields)
+        only_png = {"background", "depth_range"}
+        self.assertEqual(arguments(kdray.Tree.render_array), fields - only_png)
+        for path, method, left_out in (
+            ("rays/closest", kdray.Tree.closest, set()),
+            ("rays/any", kdray.Tree.any, {"dtype"}),
+            ("rays/count", kdray.Tree.count, set()),
+            ("rays/all", kdray.Tree.all, set()),
+            ("points/closest", kdray.Tree.closest_points, set()),
+            ("points/signed-distance", kdray.Tree.signed_distance, set()),
+            ("points/inside", kdray.Tree.inside, {"dtype"}),
+            ("visibility", kdray.Tree.visibility, {"from_count"}),
+        ):
+            operation = contract["paths"]["/v1/trees/{id}/" + path]["post"]
+            named = {resolved(part)["name"] for part in operation["parameters"]}
+            own = {"rays", "points", "from_points", "to", "progress", "info"}
+            self.assertEqual(arguments(method, *own), named - left_out, path)
 
     # Scans, trade-off
 

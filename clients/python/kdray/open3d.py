@@ -49,9 +49,8 @@ class RaycastingScene:
     ) -> None:
         self._client = client or Client()
         self._meshes: List[Tuple[Array, Array]] = []
-        self._starts: Array = np.zeros(
-            1, np.int64
-        )  # first triangle of each geometry, and the number of all
+        # The first triangle of each geometry, and the number of all.
+        self._starts: Array = np.zeros(1, np.int64)
         self._tree: Optional[Tree] = None
 
     def add_triangles(self, vertex_positions: Any, triangle_indices: Any = None) -> int:

@@ -274,9 +274,8 @@ class Queries:
             to_directions=True if to_directions else None,
         )
         pairs = int(self.client.limits["max_rays"])
-        columns = min(
-            len(targets), max(8, pairs // 8 * 8)
-        )  # of one request; a multiple of 8, or all
+        # Of one request: a multiple of 8, so parts of rows are whole bytes, or all.
+        columns = min(len(targets), max(8, pairs // 8 * 8))
         packed = np.empty((len(sources), -(-len(targets) // 8)), np.uint8)
         info = info or BatchInfo()
         info.clear()
@@ -299,6 +298,9 @@ class Queries:
                         info.merge(part_info)
                         packed[start:stop, left // 8 : left // 8 + part.shape[1]] = part
                         report(float(len(sources) * left + stop * len(seen)))
+        info.invalid = count_invalid(sources) + count_invalid(targets)
+        if to_directions:
+            info.invalid += int((~targets.any(axis=1)).sum())
         if bits:
             return packed
         return np.unpackbits(packed, axis=1, count=len(targets)).view(bool)
@@ -366,6 +368,11 @@ class Queries:
             work_s=float(DEFAULT_DEADLINE_MS if deadline_ms is None else deadline_ms) / 1000,
         )
         return read_array(answer.content), BatchInfo.of(answer)
+
+
+def count_invalid(points: Array) -> int:
+    """Rows with a number that is not finite. Each is in many requests, so theirs do not add up."""
+    return int((~np.isfinite(points).all(axis=1)).sum())
 
 
 def warn_of_truncation(info: BatchInfo, most: int) -> None:

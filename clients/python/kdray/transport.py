@@ -341,9 +341,8 @@ def wait_before_repeat(answer: Answer, refused: int) -> Optional[float]:
         if answer.status == 409:
             return None
         wait_s = 0.25 * 2.0 ** min(refused, 6)
-    return max(wait_s, 0.05) * random.uniform(
-        1, 1.25
-    )  # clients that were refused together do not return together
+    # Clients that were refused together do not return together.
+    return max(wait_s, 0.05) * random.uniform(1, 1.25)
 
 
 def pause(seconds: float, flight: Optional[Flight]) -> None:
