@@ -10,7 +10,7 @@ endif()
 function(kdray_settings target)
   target_compile_features(${target} PUBLIC cxx_std_20)
   set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
-  target_include_directories(${target} PUBLIC "${PROJECT_SOURCE_DIR}")
+  target_include_directories(${target} PUBLIC "$<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>")
   # -ffp-contract=off: a fused multiply-add would make answers differ between machines.
   # No -ffast-math, for the same reason. -fno-tree-slp-vectorize: otherwise g++ 12 drops two
   # neighbouring conversions from double to float and back, so Vec3d(Vec3f(p)) would be p

@@ -4,7 +4,7 @@
     contract_names.py enums|help INPUT.yaml OUTPUT.h NAMESPACE ENUM=POINTER...
 
 POINTER leads to a schema with `enum` as a JSON pointer does, but to an element of a list by its `name`. `enums` makes an enumeration of each, with its names on the wire;
-`help` makes the text that offers them to the user of a command.
+`help` makes the text that offers them to the user of a command, and their list.
 """
 import re
 import sys
@@ -44,7 +44,10 @@ def help_text(enum, schema):
     text = f"{', '.join(names)} or {last}"
     if "default" in schema:
         text += f": {schema['default']} when left out"
-    return f'\ninline constexpr char k{enum}Help[] = "{text}";\n'
+    return f"""
+inline constexpr char k{enum}Help[] = "{text}";
+inline constexpr char k{enum}Values[] = "{",".join(schema["enum"])}";
+"""
 
 
 def main():

@@ -3,8 +3,8 @@
 #   server/dependencies.sh GROUP...          install missing packages; silent and offline without any
 #   server/dependencies.sh --list GROUP...   print the names, one per line
 # Groups: build (compile the daemon and the command), test (build and run the tests as well), run (start the
-# compiled programs: the second stage of the Dockerfile), lint (tests/lint), bench (tests/bench),
-# fuzz (tests/fuzz/run).
+# compiled programs: the second stage of the Dockerfile), package (Debian packages), lint (tests/lint), bench
+# (tests/bench), fuzz (tests/fuzz/run).
 set -euo pipefail
 
 # The version of Debian, because names of libraries contain versions; 12 on other systems.
@@ -20,6 +20,7 @@ packages_of() {
     build) cat <<'END' ;;
 build-essential
 cmake
+libcairo2-dev
 libcli11-dev
 libcpp-httplib-dev
 libdeflate-dev
@@ -44,6 +45,7 @@ END
 chromium
 chromium-driver
 curl
+file
 haproxy
 libcgal-dev
 libembree-dev
@@ -60,6 +62,7 @@ python3-requests
 python3-setuptools
 python3-venv
 python3-wheel
+zsh
 zstd
 END
       ;;
@@ -69,6 +72,7 @@ END
         *) echo libcpp-httplib0.18 libspdlog1.15 libssl3t64 ;;
       esac | tr ' ' '\n'
       cat <<'END'
+libcairo2
 libdeflate0
 libgmp10
 libprometheus-cpp-core1.0
@@ -90,13 +94,17 @@ END
         *) echo clang-19 libclang-rt-19-dev ;;
       esac | tr ' ' '\n'
       ;;
+    package) cat <<'END' ;;
+dpkg-dev
+file
+END
     lint) cat <<'END' ;;
 clang-format
 clang-tidy
 shellcheck
 END
     *)
-      echo "server/dependencies.sh: no group '$1'; there are build, test, run, lint, bench and fuzz" >&2
+      echo "server/dependencies.sh: no group '$1'; there are build, test, run, package, lint, bench and fuzz" >&2
       return 2
       ;;
   esac

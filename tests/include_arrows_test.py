@@ -11,6 +11,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LAYERS = ("core", "api", "server", "clients")
+# Headers that are installed are included by the names that they have then.
+INSTALLED = {"kdray/": "clients/cpp/client/include/kdray/"}
 LIBRARIES = {
     "oneTBB": r"oneapi/tbb|tbb/",
     "OpenSSL": r"openssl/",
@@ -21,6 +23,7 @@ LIBRARIES = {
     "libzstd": r"zstd",
     "nlohmann-json": r"nlohmann/",
     "cpp-httplib": r"httplib",
+    "cairo": r"cairo",
     "CLI11": r"CLI/",
     "prometheus-cpp": r"prometheus/",
     "spdlog": r"spdlog/",
@@ -100,6 +103,9 @@ def main():
                 if not (match := re.match(r'\s*#\s*include ([<"])([^">]+)[">]', line)):
                     continue
                 place, header = f"{name}:{number}", match[2]
+                for installed, folder in INSTALLED.items():
+                    if header.startswith(installed):
+                        header = folder + header.removeprefix(installed)
                 if match[1] == '"' and header.split("/")[0] in LAYERS:
                     to = folder_of(header, folders)
                     counts[own, to] += own != to

@@ -321,7 +321,7 @@ class Help(ContractTest):
     def test_the_command_renders_what_the_contract_renders(self):
         fields = self.contract.document["components"]["schemas"]["RenderRequest"]["properties"]
         options = self.options(KDRAY, "render")
-        general = set(self.options(KDRAY)) | {"output", "help"}
+        general = set(self.options(KDRAY)) | {"output", "help", "size", "turntable"}
         self.assertEqual(set(options) - general, set(fields))
         for name, schema in fields.items():
             self.check_field(name, options[name], self.contract.resolve(schema))
@@ -349,15 +349,23 @@ class Help(ContractTest):
         for name, schema in fields.items():
             self.check_field(name, options[name], schema)
 
+    def test_the_command_asks_visibility_as_the_contract_does(self):
+        operation = self.contract.document["paths"]["/v1/trees/{id}/visibility"]["post"]
+        fields = {field["name"]: self.contract.resolve(field["schema"])
+                  for field in map(self.contract.resolve, operation["parameters"])}
+        options = self.options(KDRAY, "visibility")
+        general = set(self.options(KDRAY)) | {"output", "help"}
+        # The command counts the points itself.
+        self.assertEqual(set(options) - general, set(fields) - {"from_count"})
+
     def test_the_command_uploads_what_the_daemon_reads(self):
         text = subprocess.run([KDRAY, "upload", "--help"], check=True, capture_output=True, text=True).stdout
         formats = re.search(r"Mesh: ([\w, ]+)", text)[1]
         self.assertEqual(formats.lower().split(", "), self.capabilities["formats"])
         self.assertEqual(self.listed(self.options(KDRAY, "upload")["build"], ()), set(self.capabilities["builds"]))
-        for format_name in re.search(r"Mesh to write: ([\w., ]+)", subprocess.run(
-                [KDRAY, "sample", "--help"], check=True, capture_output=True, text=True).stdout)[1].split(","):
-            for word in format_name.split(" or "):
-                self.assertIn(word.strip(" ."), self.capabilities["formats"])
+        text = subprocess.run([KDRAY, "sample", "--help"], check=True, capture_output=True, text=True).stdout
+        for ending in re.findall(r"\.(\w+)", re.search(r"Mesh to write: ([^(]+)", text)[1]):
+            self.assertIn(ending, self.capabilities["formats"])
 
     def test_the_contract_names_what_the_daemon_has(self):
         schemas = self.contract.document["components"]["schemas"]

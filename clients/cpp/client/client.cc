@@ -1,6 +1,6 @@
-#include "clients/cpp/client/client.h"
+#include "kdray/client.h"
 
-#include "clients/cpp/client/error.h"
+#include "kdray/error.h"
 
 namespace kdray::client {
 namespace {
@@ -82,13 +82,13 @@ TreePage Client::ListTrees(const std::string& after) {
   return page;
 }
 
-Tree Client::CreateTree(const LocalFile& mesh, const std::string& build, int wait_ms,
-                        const SendProgress& on_sent) {
+Tree Client::CreateTree(const Payload& mesh, const std::string& build, int wait_ms,
+                        const ByteProgress& on_sent) {
   const auto response = Call({.method = "POST",
                               .path = "/v1/trees",
                               .query = {{"build", build}, {"wait_ms", std::to_string(wait_ms)}},
                               .content_type = "application/octet-stream",
-                              .file = &mesh,
+                              .payload = &mesh,
                               .on_sent = on_sent});
   return TreeFrom(ParseAnswer(response), response.status);
 }
@@ -113,27 +113,15 @@ void Client::DownloadMesh(const std::string& id, const BodySink& sink) {
   Call({.path = TreePath(id) + "/mesh", .sink = sink});
 }
 
-Answer Client::QueryRays(const std::string& id, const std::string& query, const Parameters& options,
-                         const LocalFile& rays, const std::string& accept) {
+Answer Client::Query(const std::string& id, const std::string& query, const Parameters& options,
+                     const Payload& rows, const std::string& accept, const ByteProgress& on_sent) {
   HttpResponse response = Call({.method = "POST",
-                                .path = TreePath(id) + "/rays/" + query,
+                                .path = TreePath(id) + "/" + query,
                                 .query = options,
                                 .accept = accept,
                                 .content_type = "application/octet-stream",
-                                .file = &rays});
-  std::string body = std::move(response.body);
-  return {std::move(body), std::move(response)};
-}
-
-Answer Client::QueryPoints(const std::string& id, const std::string& query,
-                           const Parameters& options, const LocalFile& points,
-                           const std::string& accept) {
-  HttpResponse response = Call({.method = "POST",
-                                .path = TreePath(id) + "/points/" + query,
-                                .query = options,
-                                .accept = accept,
-                                .content_type = "application/octet-stream",
-                                .file = &points});
+                                .payload = &rows,
+                                .on_sent = on_sent});
   std::string body = std::move(response.body);
   return {std::move(body), std::move(response)};
 }

@@ -1,8 +1,8 @@
-#include "clients/cpp/client/find_tree.h"
+#include "kdray/find_tree.h"
 
 #include <algorithm>
 
-#include "clients/cpp/client/error.h"
+#include "kdray/error.h"
 
 namespace kdray::client {
 namespace {

@@ -1,9 +1,9 @@
-#include "clients/cpp/client/npy.h"
+#include "kdray/npy.h"
 
 #include <bit>
 #include <charconv>
 
-#include "clients/cpp/client/error.h"
+#include "kdray/error.h"
 
 namespace kdray::client {
 namespace {
@@ -121,6 +121,19 @@ class HeaderReader {
   std::string_view text_;
 };
 
+// Compilers make one copy of it where memory has this order.
+template <class Bits, class Number>
+std::string LittleEndian(std::span<const Number> values) {
+  std::string out(values.size_bytes(), '\0');
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const auto bits = std::bit_cast<Bits>(values[i]);
+    for (std::size_t byte = 0; byte < sizeof(Bits); ++byte) {
+      out[i * sizeof(Bits) + byte] = static_cast<char>(bits >> (8 * byte));
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 std::uint64_t NpyHeader::ElementCount() const {
@@ -162,15 +175,12 @@ std::string EncodeNpyHeader(const NpyHeader& header) {
   return out + text;
 }
 
-std::string EncodeNpyRows(std::span<const float> values, std::uint64_t columns) {
-  std::string out = EncodeNpyHeader(
-      {.descr = "<f4", .fortran_order = false, .shape = {values.size() / columns, columns}});
-  out.reserve(out.size() + values.size_bytes());
-  for (const float value : values) {
-    const auto bits = std::bit_cast<std::uint32_t>(value);
-    for (int shift = 0; shift < 32; shift += 8) out.push_back(static_cast<char>(bits >> shift));
-  }
-  return out;
+std::string LittleEndianFloats(std::span<const float> values) {
+  return LittleEndian<std::uint32_t>(values);
+}
+
+std::string LittleEndianDoubles(std::span<const double> values) {
+  return LittleEndian<std::uint64_t>(values);
 }
 
 }  // namespace kdray::client

@@ -1,9 +1,9 @@
-#include "clients/cpp/client/problem.h"
+#include "kdray/problem.h"
 
 #include <array>
 #include <charconv>
 
-#include "clients/cpp/client/document.h"
+#include "kdray/document.h"
 
 namespace kdray::client {
 namespace {

@@ -1,8 +1,8 @@
-#include "clients/cpp/client/server_url.h"
+#include "kdray/server_url.h"
 
 #include <charconv>
 
-#include "clients/cpp/client/error.h"
+#include "kdray/error.h"
 
 namespace kdray::client {
 namespace {

@@ -1,4 +1,4 @@
-#include "clients/cpp/client/transport.h"
+#include "kdray/transport.h"
 
 #include <httplib.h>
 
@@ -8,7 +8,7 @@
 #include <random>
 #include <utility>
 
-#include "clients/cpp/client/error.h"
+#include "kdray/error.h"
 
 namespace kdray::client {
 namespace {
@@ -62,7 +62,7 @@ httplib::ContentProvider ProviderOf(const HttpRequest& request, Callback& callba
                                                       httplib::DataSink& sink) mutable {
     return callback.Run([&] {
       chunk.resize(std::min<std::size_t>(length, 256 << 10));
-      request.file->Read(offset, chunk);
+      request.payload->Read(offset, chunk);
       sink.write(chunk.data(), chunk.size());
       if (request.on_sent) request.on_sent(offset + chunk.size());
     });
@@ -116,9 +116,9 @@ HttpResponse Transport::Send(const HttpRequest& request) {
   const auto exchange = [&]() -> httplib::Result {
     if (request.method == "DELETE") return http.Delete(path, headers);
     if (request.method == "POST") {
-      if (request.file == nullptr)
+      if (request.payload == nullptr)
         return http.Post(path, headers, request.body, request.content_type);
-      return http.Post(path, headers, request.file->size(), ProviderOf(request, callback),
+      return http.Post(path, headers, request.payload->size(), ProviderOf(request, callback),
                        request.content_type);
     }
     if (!request.sink) return http.Get(path, headers);

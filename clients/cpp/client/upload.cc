@@ -1,9 +1,9 @@
-#include "clients/cpp/client/upload.h"
+#include "kdray/upload.h"
 
 #include <chrono>
 #include <thread>
 
-#include "clients/cpp/client/error.h"
+#include "kdray/error.h"
 
 namespace kdray::client {
 namespace {
@@ -24,13 +24,13 @@ std::optional<Tree> FindUsable(Client& client, const std::string& id) {
 
 // A server that rejects an upload early may close the connection before the client has read the
 // reason. So the limit is checked first.
-void CheckSize(Client& client, const LocalFile& mesh) {
+void CheckSize(Client& client, const Payload& mesh) {
   const auto limit = client.ServiceInfo()["limits"]["max_upload_bytes"].Count();
   if (!limit || mesh.size() <= *limit) return;
   throw Refusal(
       {.status = 413,
        .code = "mesh_too_large",
-       .detail = mesh.path() + " has more bytes than this server accepts; nothing was sent",
+       .detail = mesh.name() + " has more bytes than this server accepts; nothing was sent",
        .request_id = {},
        .limit = static_cast<double>(*limit),
        .actual = static_cast<double>(mesh.size())});
@@ -53,9 +53,9 @@ Tree WaitUntilReady(Client& client, Tree tree, const UploadWatcher& watcher) {
 
 }  // namespace
 
-UploadResult UploadMesh(Client& client, const LocalFile& mesh, const std::string& build,
+UploadResult UploadMesh(Client& client, const Payload& mesh, const std::string& build,
                         const UploadWatcher& watcher) {
-  const std::string sha256 = mesh.Sha256();
+  const std::string sha256 = mesh.Sha256(watcher.on_hashed);
   const std::string id = TreeIdOf(sha256, build);
   UploadResult result;
 
@@ -72,7 +72,7 @@ UploadResult UploadMesh(Client& client, const LocalFile& mesh, const std::string
     result.was_sent = true;
   }
   if (tree->id != id)
-    throw LocalFileError(mesh.path() + ": changed while it was sent; the server now has tree " +
+    throw LocalFileError(mesh.name() + ": changed while it was sent; the server now has tree " +
                          tree->id);
   result.tree = WaitUntilReady(client, *std::move(tree), watcher);
   return result;

@@ -1,6 +1,8 @@
 // The `kdray` program as a function, so that tests can run it in their own process.
 #pragma once
 
+#include <chrono>
+#include <cstddef>
 #include <iosfwd>
 #include <span>
 #include <string>
@@ -11,10 +13,11 @@ namespace kdray::client {
 /// signal.
 enum ExitCode : int {
   kExitOk = 0,
-  kExitRefused = 1,     ///< the server answered with an error, printed on standard error
-  kExitUsage = 2,       ///< invalid options, or an id that matches no tree or several
-  kExitConnection = 3,  ///< no connection, or the connection broke
-  kExitLocalFile = 4,   ///< a local file cannot be read or written, or has the wrong format
+  kExitRefused = 1,       ///< the server answered with an error, printed on standard error
+  kExitUsage = 2,         ///< invalid options, or an id that matches no tree or several
+  kExitConnection = 3,    ///< no connection, or the connection broke
+  kExitLocalFile = 4,     ///< a local file cannot be read or written, or has the wrong format
+  kExitClosedPipe = 141,  ///< nobody reads standard output any more; main() ends by SIGPIPE
 };
 
 /// The streams of a command: results go to `out` (for pipes), remarks to `err` (for people).
@@ -23,6 +26,9 @@ struct Console {
   std::ostream& err;
   bool out_is_terminal = false;
   bool err_is_terminal = false;  ///< progress is then drawn in place
+  std::size_t out_columns = 0;   ///< width of the terminal; 0 if there is none, so no limit
+  std::size_t err_columns = 0;
+  std::chrono::milliseconds patience{1000};  ///< progress of work that takes less is not shown
 };
 
 /// Runs `kdray` with these arguments (without the program's name).

@@ -1,5 +1,7 @@
 #include "clients/cpp/command/description.h"
 
+#include <algorithm>
+
 #include "clients/cpp/command/text.h"
 
 namespace kdray::client {
@@ -27,6 +29,11 @@ class Fields {
   std::string Number(const char* name) const {
     const auto number = object_[name].Number();
     return number ? NumberText(*number) : std::string();
+  }
+
+  std::string Duration(const char* name) const {
+    const auto milliseconds = object_[name].Number();
+    return milliseconds ? DurationText(*milliseconds) : std::string();
   }
 
   /// "x y z" of an array of three numbers.
@@ -80,10 +87,10 @@ std::string SummaryOf(const Document& description) {
   const Fields tree = fields["tree"];
   const std::string nodes = With(tree.Count("nodes"), "nodes");
   const std::string build = tree.Text("build");
-  const std::string built = tree.Number("build_ms");
+  const std::string built = tree.Duration("build_ms");
   return Join({With(mesh.Count("triangles"), "triangles"),
                build.empty() ? nodes : Join({build, nodes}, ": "),
-               built.empty() ? "" : "built in " + built + " ms"});
+               built.empty() ? "" : "built in " + built});
 }
 
 std::string DetailsOf(const Document& description) {
@@ -97,10 +104,12 @@ std::string DetailsOf(const Document& description) {
     label.resize(10, ' ');
     out += label + value + "\n";
   };
-  const std::string progress = fields.Number("progress");
+  const int percent =
+      static_cast<int>(100 * std::clamp(description["progress"].Number().value_or(0), 0.0, 1.0));
   add("id", fields.Text("id"));
-  add("state", fields.Text("state") == "building" ? "building, " + progress + " of 1 done"
-                                                  : fields.Text("state"));
+  add("state", fields.Text("state") == "building"
+                   ? "building, " + std::to_string(percent) + "% done"
+                   : fields.Text("state"));
   add("created", fields.Text("created_at"));
   add("mesh",
       Join({mesh.Text("format"), mesh.Bytes("bytes"), With(mesh.Count("triangles"), "triangles"),
@@ -121,8 +130,8 @@ std::string DetailsOf(const Document& description) {
                 tree.Bytes("bytes"),
                 tree.Number("sah_cost").empty() ? "" : "SAH cost " + tree.Number("sah_cost")}));
   add("time",
-      Join({tree.Number("parse_ms").empty() ? "" : "read " + tree.Number("parse_ms") + " ms",
-            tree.Number("build_ms").empty() ? "" : "built " + tree.Number("build_ms") + " ms"}));
+      Join({tree.Duration("parse_ms").empty() ? "" : "read in " + tree.Duration("parse_ms"),
+            tree.Duration("build_ms").empty() ? "" : "built in " + tree.Duration("build_ms")}));
   add("plan", fields.Text("plan"));
   return out;
 }

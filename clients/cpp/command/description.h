@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "clients/cpp/client/client.h"
+#include "kdray/client.h"
 
 namespace kdray::client {
 

@@ -1,4 +1,5 @@
 // Entry of the `kdray` command: only signals and streams.
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -9,16 +10,36 @@
 #include "clients/cpp/command/command.h"
 #include "clients/cpp/command/output_file.h"
 
+namespace {
+
+// Columns of the terminal of a descriptor; 0 if it is not one.
+std::size_t ColumnsOf(int descriptor) {
+  if (isatty(descriptor) != 1) return 0;
+  winsize size{};
+  if (ioctl(descriptor, TIOCGWINSZ, &size) == 0 && size.ws_col > 0) return size.ws_col;
+  return 80;
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
   // If the server closes while we send, report an error instead of ending the process.
   std::signal(SIGPIPE, SIG_IGN);
   kdray::client::RemoveUnfinishedFilesOnSignals();
   const std::vector<std::string> arguments(argv + 1, argv + argc);
   try {
-    return kdray::client::RunCommand(arguments, {.out = std::cout,
-                                                 .err = std::cerr,
-                                                 .out_is_terminal = isatty(STDOUT_FILENO) == 1,
-                                                 .err_is_terminal = isatty(STDERR_FILENO) == 1});
+    const int code =
+        kdray::client::RunCommand(arguments, {.out = std::cout,
+                                              .err = std::cerr,
+                                              .out_is_terminal = isatty(STDOUT_FILENO) == 1,
+                                              .err_is_terminal = isatty(STDERR_FILENO) == 1,
+                                              .out_columns = ColumnsOf(STDOUT_FILENO),
+                                              .err_columns = ColumnsOf(STDERR_FILENO)});
+    if (code != kdray::client::kExitClosedPipe) return code;
+    // As every program ends whose reader has gone; the shell sees the signal.
+    std::signal(SIGPIPE, SIG_DFL);
+    std::raise(SIGPIPE);
+    return code;
   } catch (const std::exception& error) {  // e.g. no memory for an answer
     std::cerr << "kdray: " << error.what() << "\n";
     return kdray::client::kExitLocalFile;

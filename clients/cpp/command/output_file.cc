@@ -1,6 +1,7 @@
 #include "clients/cpp/command/output_file.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -12,7 +13,7 @@
 #include <ostream>
 #include <utility>
 
-#include "clients/cpp/client/error.h"
+#include "kdray/error.h"
 
 namespace kdray::client {
 namespace {
@@ -49,6 +50,16 @@ void RemoveUnfinishedFilesOnSignals() {
   }
 }
 
+void CheckOutput(Console& console) {
+  if (console.out) return;
+  // The stream does not tell why it failed; a pipe without a reader reports an error by itself.
+  pollfd standard_output = {.fd = STDOUT_FILENO, .events = POLLOUT, .revents = 0};
+  if (poll(&standard_output, 1, 0) == 1 && (standard_output.revents & POLLERR) != 0) {
+    throw ClosedPipe();
+  }
+  throw LocalFileError("standard output: cannot be written");
+}
+
 OutputFile::OutputFile(std::string path, Console& console)
     : path_(std::move(path)), console_(console) {
   if (path_ == "-") {
@@ -83,12 +94,13 @@ void OutputFile::Fail() const { throw LocalFileError(path_ + ": " + std::strerro
 void OutputFile::Write(std::string_view bytes) {
   if (descriptor_ < 0) {
     console_.out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    if (!console_.out) throw LocalFileError("standard output: cannot be written");
+    CheckOutput(console_);
     return;
   }
   while (!bytes.empty()) {
     const ssize_t written = write(descriptor_, bytes.data(), bytes.size());
     if (written < 0 && errno == EINTR) continue;
+    if (written < 0 && errno == EPIPE) throw ClosedPipe();  // /dev/stdout, a named pipe
     if (written < 0) Fail();
     bytes.remove_prefix(static_cast<std::size_t>(written));
   }

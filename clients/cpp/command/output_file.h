@@ -1,6 +1,7 @@
 // A result file that appears whole or not at all.
 #pragma once
 
+#include <stdexcept>
 #include <string>
 #include <string_view>
 
@@ -8,11 +9,20 @@
 
 namespace kdray::client {
 
+/// Nobody reads standard output any more (`kdray list | head`). This is no error of anybody: the
+/// program ends without a word.
+struct ClosedPipe : std::runtime_error {
+  ClosedPipe() : std::runtime_error("standard output is closed") {}
+};
+
+/// Throws ClosedPipe or LocalFileError if `console.out` could not be written.
+void CheckOutput(Console& console);
+
 /// Collects bytes in a temporary file beside `path`, which Commit() renames to `path`; without
 /// Commit() no file is left. An existing file that is not regular (/dev/null, a pipe) is written
 /// directly. "-" is standard output, which must not be a terminal. All methods throw
 /// LocalFileError. So does the constructor, so a file that cannot be written is reported before a
-/// long request. One object at a time in a process.
+/// long request; Write() throws ClosedPipe too. One object at a time in a process.
 class OutputFile {
  public:
   OutputFile(std::string path, Console& console);

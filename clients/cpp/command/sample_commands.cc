@@ -1,8 +1,7 @@
 #include <algorithm>
 #include <memory>
 
-#include "clients/cpp/client/error.h"
-#include "clients/cpp/client/npy.h"
+#include "clients/cpp/command/ending.h"
 #include "clients/cpp/command/output_file.h"
 #include "clients/cpp/command/session.h"
 #include "clients/cpp/command/subcommands.h"
@@ -10,6 +9,8 @@
 #include "clients/cpp/sample/mesh_writer.h"
 #include "clients/cpp/sample/sample_mesh.h"
 #include "clients/cpp/sample/sample_rays.h"
+#include "kdray/error.h"
+#include "kdray/npy.h"
 
 namespace kdray::client {
 namespace {
@@ -21,21 +22,28 @@ struct MeshOptions {
 };
 
 void WriteSample(const MeshOptions& options, Session& session) {
-  const auto format = MeshFormatOf(options.output);
-  if (!format) throw UsageError("-o must end in .obj, .ply or .stl, which selects the format");
+  session.RefuseJsonBeside(options.output);
+  const std::string ending = TypeOfOutput(options.output, {"ply", "obj", "stl"});
+  const auto format = MeshFormatOf("mesh." + ending);
   OutputFile file(options.output, session.console());
   const SampleMesh mesh = MakeSample(*FindSampleShape(options.name), options.sample);
   file.Write(EncodeMesh(mesh, *format));
   file.Commit();
-  session.Say(options.output + ": " + CountText(mesh.triangles.size()) + " triangles, " +
-              CountText(mesh.vertices.size()) + " vertices");
+  const std::uint64_t triangles = mesh.triangles.size(), vertices = mesh.vertices.size();
+  session.Report({{"file", Document(options.output)},
+                  {"triangles", Document(triangles)},
+                  {"vertices", Document(vertices)}},
+                 options.output + ": " + CountText(triangles) + " triangles, " +
+                     CountText(vertices) + " vertices");
 }
+
+constexpr std::uint64_t kRaysOfAPart = 100'000;
 
 struct RayOptions {
   std::vector<double> bounds;
   std::string tree;
   std::string output;
-  std::uint64_t count = 0;
+  std::uint64_t count = 100'000;
   std::uint64_t seed = 1;
 };
 
@@ -51,20 +59,33 @@ Box BoundsOfTree(const std::string& id_or_file, Session& session) {
 }
 
 void WriteRays(const RayOptions& options, Session& session) {
-  if (options.bounds.empty() == options.tree.empty())
-    throw UsageError("sample-rays needs either --bounds or --tree");
-  OutputFile file(options.output, session.console());
-  Box box;
-  if (options.bounds.empty()) {
+  if (!options.bounds.empty() && !options.tree.empty()) {
+    throw UsageError("--bounds and --tree both say where to aim; give one of them");
+  }
+  session.RefuseJsonBeside(options.output);
+  TypeOfOutput(options.output, {"npy"});
+  Box box = {{-1, -1, -1}, {1, 1, 1}};
+  if (!options.tree.empty()) {
     box = BoundsOfTree(options.tree, session);
-  } else {
+  } else if (!options.bounds.empty()) {
     std::copy_n(options.bounds.begin(), 3, box.min.begin());
     std::copy_n(options.bounds.begin() + 3, 3, box.max.begin());
   }
-  const std::vector<float> rays = RaysTowardsBox(box, options.count, options.seed);
-  file.Write(EncodeNpyRows(rays, 6));
+  OutputFile file(options.output, session.console());
+  file.Write(EncodeNpyHeader({.descr = "<f4", .shape = {options.count, 6}}));
+  {
+    ProgressBar bar = session.Bar("writing", static_cast<double>(options.count), {.name = "rays"});
+    RaysTowardsBox rays(box, options.seed);
+    for (std::uint64_t done = 0; done < options.count;) {
+      const std::uint64_t count = std::min(kRaysOfAPart, options.count - done);
+      file.Write(LittleEndianFloats(rays.Next(count)));
+      done += count;
+      bar.Update(static_cast<double>(done));
+    }
+  }
   file.Commit();
-  session.Say(options.output + ": " + CountText(options.count) + " rays");
+  session.Report({{"file", Document(options.output)}, {"rays", Document(options.count)}},
+                 options.output + ": " + CountText(options.count) + " rays");
 }
 
 Subcommand SampleCommand(Session& session) {
@@ -84,7 +105,7 @@ Subcommand SampleCommand(Session& session) {
                        .required = true,
                        .choices = std::move(names)},
                       {.name = "-o,--output",
-                       .help = "Mesh to write: .obj, .ply or .stl",
+                       .help = "Mesh to write: .ply, .obj or .stl, or - for standard output (.ply)",
                        .value = &options->output,
                        .type = "FILE",
                        .required = true},
@@ -106,7 +127,7 @@ Subcommand SampleRaysCommand(Session& session) {
   return {.name = "sample-rays",
           .help = "Write random rays towards a box, for `kdray rays`",
           .options = {{.name = "--bounds",
-                       .help = "Box to aim at, six numbers",
+                       .help = "Box to aim at, six numbers: -1,-1,-1,1,1,1 when left out",
                        .value = &options->bounds,
                        .type = "X0,Y0,Z0,X1,Y1,Z1",
                        .count = 6,
@@ -119,14 +140,14 @@ Subcommand SampleRaysCommand(Session& session) {
                        .help = "How many",
                        .value = &options->count,
                        .type = "N",
-                       .required = true,
+                       .help_tells_default = true,
                        .range = Option::Range{0, 100'000'000}},
                       {.name = "--seed",
                        .help = "Another seed gives other rays",
                        .value = &options->seed,
                        .type = "N"},
                       {.name = "-o,--output",
-                       .help = "Rays to write: .npy of shape (N, 6)",
+                       .help = "Rays to write: .npy of shape (N, 6), or - for standard output",
                        .value = &options->output,
                        .type = "FILE",
                        .required = true}},

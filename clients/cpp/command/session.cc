@@ -3,10 +3,10 @@
 #include <filesystem>
 #include <ostream>
 
-#include "clients/cpp/client/error.h"
-#include "clients/cpp/client/find_tree.h"
 #include "clients/cpp/command/description.h"
 #include "clients/cpp/command/progress_bar.h"
+#include "kdray/error.h"
+#include "kdray/find_tree.h"
 
 namespace kdray::client {
 
@@ -31,6 +31,9 @@ std::vector<Option> Session::Options() {
            .type = "S",
            .help_tells_default = true,
            .range = Option::Range{1, 86400}},
+          {.name = "--json",
+           .help = "Print results as JSON on standard output, also of commands that write files",
+           .value = &json_},
           {.name = "-q,--quiet",
            .help = "No progress and no remarks, only results and errors",
            .value = &quiet_}};
@@ -43,35 +46,70 @@ Client Session::Connect() const {
   return Client({.server = ParseServerUrl(server_), .token = token_, .timeout_s = timeout_s_});
 }
 
-UploadResult Session::Upload(Client& client, const std::string& path, const std::string& build) {
-  const LocalFile mesh(path);
-  ProgressBar sending(console_, "uploading", mesh.size(), quiet_);
-  ProgressBar building(console_, "building ", 0, quiet_);
+Payload Session::Read(const std::string& path) {
+  if (path != "-") return Payload::OfFile(path);
+  if (stdin_is_taken_) throw UsageError("'-' is given twice; standard input can be read only once");
+  stdin_is_taken_ = true;
+  ProgressBar reading = Bar("reading standard input", 0, ProgressUnit::Bytes());
+  return Payload::OfStandardInput(
+      [&](std::uint64_t done) { reading.Update(static_cast<double>(done)); });
+}
+
+UploadResult Session::Upload(Client& client, const Payload& mesh, const std::string& build) {
+  const auto size = static_cast<double>(mesh.size());
+  ProgressBar hashing = Bar("hashing  ", size, ProgressUnit::Bytes());
+  ProgressBar sending = Bar("uploading", size, ProgressUnit::Bytes());
+  ProgressBar building = Bar("building ", 1, {});
   const UploadWatcher watcher = {
+      .on_hashed = [&](std::uint64_t done) { hashing.Update(static_cast<double>(done)); },
       .on_sent =
           [&](std::uint64_t sent) {
-            sending.Update(static_cast<double>(sent) / static_cast<double>(mesh.size()));
+            hashing.Finish();
+            sending.Update(static_cast<double>(sent));
           },
       .on_build =
           [&](double progress) {
+            hashing.Finish();
             sending.Finish();
             building.Update(progress);
           }};
   UploadResult result = UploadMesh(client, mesh, build, watcher);
-  building.Finish();
+  for (ProgressBar* bar : {&hashing, &sending, &building}) bar->Finish();
   if (!result.was_ready) Say(SummaryOf(result.tree.description));
   return result;
 }
 
 std::string Session::TreeIdFor(Client& client, const std::string& id_or_file) {
   std::error_code ignored;
-  if (std::filesystem::exists(id_or_file, ignored))
-    return Upload(client, id_or_file, "auto").tree.id;
+  if (id_or_file == "-" || std::filesystem::exists(id_or_file, ignored)) {
+    return Upload(client, Read(id_or_file), "auto").tree.id;
+  }
   return ResolveTreeId(client, id_or_file);
 }
 
 void Session::Say(const std::string& line) {
   if (!quiet_) console_.err << Printable(line) << std::endl;
+}
+
+void Session::PrintJson(const Document& document) { console_.out << document.Indented() << "\n"; }
+
+void Session::Report(const std::vector<std::pair<std::string, Document>>& facts,
+                     const std::string& line) {
+  if (json_) {
+    PrintJson(Document::ObjectOf(facts));
+  } else {
+    Say(line);
+  }
+}
+
+void Session::RefuseJsonBeside(const std::string& output) const {
+  if (json_ && output == "-") {
+    throw UsageError("-o - and --json both write to standard output; name a file with -o");
+  }
+}
+
+ProgressBar Session::Bar(const std::string& label, double total, ProgressUnit unit) {
+  return ProgressBar(console_, label, total, std::move(unit), quiet_);
 }
 
 }  // namespace kdray::client

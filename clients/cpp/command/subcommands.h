@@ -5,9 +5,13 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
+
+#include "kdray/server_url.h"
 
 namespace kdray::client {
 
@@ -32,6 +36,7 @@ struct Option {
   std::string environment = {};           ///< variable that sets it if the command line does not
   std::optional<Range> range = {};        ///< of an int or a count
   std::vector<std::string> choices = {};  ///< the values allowed, if not empty
+  std::vector<std::string> values = {};   ///< values known; the server may know others
   std::optional<int> count = {};          ///< how many values a vector takes; any number otherwise
   bool split_at_commas = false;
 };
@@ -41,8 +46,15 @@ struct Field {
   const char* name;  ///< as in the contract: `t_min`; the option is `--t-min`
   const char* type;
   const char* help;
+  const char* values = "";  ///< known values, comma-separated
 };
 Option FieldOption(const Field& field, std::string* value);
+
+/// The parameters of a request: the fields whose values are not empty. @pre equally many.
+Parameters ParametersOf(std::span<const Field> fields, std::span<const std::string> values);
+
+/// The words of "a,b,c".
+std::vector<std::string> SplitAtCommas(std::string_view text);
 
 struct Subcommand {
   std::string name;
@@ -57,6 +69,9 @@ Subcommand UploadCommand(Session& session);
 Subcommand RenderCommand(Session& session);
 Subcommand RaysCommand(Session& session);
 Subcommand PointsCommand(Session& session);
+Subcommand VisibilityCommand(Session& session);
+Subcommand ScanCommand(Session& session);
+Subcommand BenchCommand(Session& session);
 std::vector<Subcommand> TreeCommands(Session& session);  ///< list, show, delete, cells, mesh
 Subcommand TradeoffCommand(Session& session);
 std::vector<Subcommand> SampleCommands(Session& session);  ///< sample, sample-rays

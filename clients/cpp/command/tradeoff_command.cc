@@ -1,11 +1,14 @@
 #include <memory>
 #include <ostream>
 
-#include "clients/cpp/client/error.h"
+#include "clients/cpp/command/ending.h"
+#include "clients/cpp/command/output_file.h"
 #include "clients/cpp/command/progress_bar.h"
 #include "clients/cpp/command/session.h"
 #include "clients/cpp/command/subcommands.h"
+#include "clients/cpp/command/tradeoff_plot.h"
 #include "clients/cpp/command/tradeoff_text.h"
+#include "kdray/error.h"
 
 namespace kdray::client {
 namespace {
@@ -14,7 +17,7 @@ struct Options {
   std::string tree;
   bool again = false;
   bool forget = false;
-  bool json = false;
+  std::string plot;
 };
 
 // Wait of one request, short enough for a moving bar.
@@ -24,7 +27,7 @@ Tradeoff Measure(Client& client, const std::string& id, bool again, Session& ses
   std::optional<Tradeoff> tradeoff;
   if (!again) tradeoff = client.FindTradeoff(id);
   if (!tradeoff) tradeoff = client.MeasureTradeoff(id, kLookAgainMs);
-  ProgressBar measuring(session.console(), "measuring", 0, session.quiet());
+  ProgressBar measuring = session.Bar("measuring", 1, {});
   while (!tradeoff->ready) {
     measuring.Update(tradeoff->progress);
     tradeoff = client.FindTradeoff(id, kLookAgainMs);
@@ -34,6 +37,12 @@ Tradeoff Measure(Client& client, const std::string& id, bool again, Session& ses
 }
 
 void Run(const Options& options, Session& session) {
+  std::optional<OutputFile> plot;
+  if (!options.plot.empty()) {
+    session.RefuseJsonBeside(options.plot);
+    TypeOfOutput(options.plot, {"png"});
+    plot.emplace(options.plot, session.console());
+  }
   Client client = session.Connect();
   const std::string id = session.TreeIdFor(client, options.tree);
   if (options.forget) {
@@ -42,8 +51,16 @@ void Run(const Options& options, Session& session) {
     return;
   }
   const Tradeoff tradeoff = Measure(client, id, options.again, session);
-  session.console().out << (options.json ? tradeoff.document.Indented() + "\n"
-                                         : Printable(TradeoffText(tradeoff.document)));
+  if (plot) {
+    plot->Write(DrawPng(PlotOf(tradeoff.document)));
+    plot->Commit();
+  }
+  if (session.json()) {
+    session.PrintJson(tradeoff.document);
+  } else if (options.plot != "-") {
+    const std::size_t width = session.console().out_columns;
+    session.console().out << Printable(TradeoffText(tradeoff.document, width));
+  }
 }
 
 }  // namespace
@@ -54,7 +71,7 @@ Subcommand TradeoffCommand(Session& session) {
       .name = "tradeoff",
       .help = "Measure speed and accuracy on a mesh: every build with every precision",
       .options = {{.name = "tree",
-                   .help = "Tree, whole id or its beginning, or a mesh file",
+                   .help = "Tree, or a mesh to upload first: a file, or - for standard input",
                    .value = &options->tree,
                    .type = "ID|FILE",
                    .required = true},
@@ -64,7 +81,11 @@ Subcommand TradeoffCommand(Session& session) {
                   {.name = "--forget",
                    .help = "Stop measuring, and delete the result",
                    .value = &options->forget},
-                  {.name = "--json", .help = "As the server gives it", .value = &options->json}},
+                  {.name = "--plot",
+                   .help = "Also draw the leaks and errors over the speed: .png, or - for standard "
+                           "output instead of the table",
+                   .value = &options->plot,
+                   .type = "FILE"}},
       .run = [options, &session] { Run(*options, session); }};
 }
 

@@ -1,13 +1,15 @@
 #include <memory>
 #include <ostream>
 
-#include "clients/cpp/client/error.h"
-#include "clients/cpp/client/find_tree.h"
 #include "clients/cpp/command/description.h"
+#include "clients/cpp/command/ending.h"
+#include "clients/cpp/command/mesh_files.h"
 #include "clients/cpp/command/output_file.h"
 #include "clients/cpp/command/session.h"
 #include "clients/cpp/command/subcommands.h"
 #include "clients/cpp/command/text.h"
+#include "kdray/error.h"
+#include "kdray/find_tree.h"
 
 namespace kdray::client {
 namespace {
@@ -16,7 +18,6 @@ struct Options {
   std::vector<std::string> trees;
   std::string output;
   int depth = 0;
-  bool json = false;
   bool full = false;
 };
 
@@ -29,61 +30,78 @@ void List(const Options& options, Session& session) {
     TreePage page = client.ListTrees(after);
     for (Tree& tree : page.trees) {
       rows.push_back(ListRowOf(tree, options.full));
-      if (options.json) descriptions.push_back(std::move(tree.description));
+      if (session.json()) descriptions.push_back(std::move(tree.description));
     }
     after = page.next.value_or("");
   } while (!after.empty());
   std::ostream& out = session.console().out;
-  if (options.json)
-    out << Document::ArrayOf(descriptions).Indented() << "\n";
-  else
-    out << Printable(Table(rows, "lrlllrl"));
+  if (session.json()) {
+    session.PrintJson(Document::ArrayOf(descriptions));
+  } else {
+    out << Printable(FittedTable(rows, "lrlllrl", session.console().out_columns, 1));
+  }
   if (rows.size() == 1) session.Say("no trees yet; kdray upload FILE makes one");
 }
 
 void Show(const Options& options, Session& session) {
   Client client = session.Connect();
   const Tree tree = client.GetTree(ResolveTreeId(client, options.trees.front()));
-  session.console().out << (options.json ? tree.description.Indented() + "\n"
-                                         : Printable(DetailsOf(tree.description)));
+  if (session.json()) return session.PrintJson(tree.description);
+  session.console().out << Printable(DetailsOf(tree.description));
 }
 
 void Delete(const Options& options, Session& session) {
   Client client = session.Connect();
+  std::vector<Document> deleted;
   for (const std::string& text : options.trees) {
     const std::string id = ResolveTreeId(client, text);
     client.DeleteTree(id);
     session.Say("deleted " + id);
+    deleted.push_back(Document(id));
   }
+  if (session.json()) session.PrintJson(Document::ArrayOf(deleted));
 }
 
 void Cells(const Options& options, Session& session) {
   Client client = session.Connect();
   const Document answer = client.Cells(ResolveTreeId(client, options.trees.front()), options.depth);
   std::ostream& out = session.console().out;
-  if (options.json) {
-    out << answer.Indented() << "\n";
-    return;
-  }
+  if (session.json()) return session.PrintJson(answer);
   std::vector<std::vector<std::string>> rows = {{"DEPTH", "KIND", "TRIANGLES", "MIN", "MAX"}};
   for (const Document& cell : answer["cells"].Items())
     rows.push_back({std::to_string(cell["depth"].Count().value_or(0)),
                     cell["leaf"].Flag() == true ? "leaf" : "node",
                     CountText(cell["triangles"].Count().value_or(0)),
                     VectorText(cell["min"].Numbers()), VectorText(cell["max"].Numbers())});
-  out << Table(rows, "rlrll");
+  out << FittedTable(rows, "rlrll", session.console().out_columns, 2);
 }
 
 void Mesh(const Options& options, Session& session) {
+  session.RefuseJsonBeside(options.output);
+  TypeOfOutput(options.output, kMeshEndings);
   OutputFile file(options.output, session.console());
   Client client = session.Connect();
+  const Tree tree = client.GetTree(ResolveTreeId(client, options.trees.front()));
+  const Document mesh = tree.description["mesh"];
+  // A file with the wrong ending would mislead whoever opens it.
+  const std::string format = mesh["format"].Text().value_or("");
+  if (!format.empty()) TypeOfOutput(options.output, {format});
   std::uint64_t bytes = 0;
-  client.DownloadMesh(ResolveTreeId(client, options.trees.front()), [&](std::string_view piece) {
-    file.Write(piece);
-    bytes += piece.size();
-  });
+  {
+    ProgressBar receiving =
+        session.Bar("receiving", mesh["bytes"].Number().value_or(0), ProgressUnit::Bytes());
+    client.DownloadMesh(tree.id, [&](std::string_view piece) {
+      file.Write(piece);
+      bytes += piece.size();
+      receiving.Update(static_cast<double>(bytes));
+    });
+  }
   file.Commit();
-  session.Say(options.output + ": " + ByteText(static_cast<double>(bytes)));
+  session.Report({{"file", Document(options.output)},
+                  {"tree", Document(tree.id)},
+                  {"format", Document(format)},
+                  {"bytes", Document(bytes)}},
+                 options.output + ": " + ByteText(static_cast<double>(bytes)));
 }
 
 }  // namespace
@@ -111,19 +129,14 @@ std::vector<Subcommand> TreeCommands(Session& session) {
   auto options = new_options();
   commands.push_back({.name = "list",
                       .help = "Trees that the server has, newest first",
-                      .options = {{.name = "--full", .help = "Whole ids", .value = &options->full},
-                                  {.name = "--json",
-                                   .help = "The trees' whole descriptions",
-                                   .value = &options->json}},
+                      .options = {{.name = "--full", .help = "Whole ids", .value = &options->full}},
                       .run = run(List, options)});
 
   options = new_options();
-  commands.push_back(
-      {.name = "show",
-       .help = "Describe a tree and its mesh",
-       .options = {tree(options),
-                   {.name = "--json", .help = "The whole description", .value = &options->json}},
-       .run = run(Show, options)});
+  commands.push_back({.name = "show",
+                      .help = "Describe a tree and its mesh",
+                      .options = {tree(options)},
+                      .run = run(Show, options)});
 
   options = new_options();
   commands.push_back({.name = "delete",
@@ -132,24 +145,23 @@ std::vector<Subcommand> TreeCommands(Session& session) {
                       .run = run(Delete, options)});
 
   options = new_options();
-  commands.push_back(
-      {.name = "cells",
-       .help = "Boxes of a tree's nodes at one depth, and of the leaves above",
-       .options = {tree(options),
-                   {.name = "--depth",
-                    .help = "0 is the root",
-                    .value = &options->depth,
-                    .type = "DEPTH",
-                    .required = true},
-                   {.name = "--json", .help = "As the server gives them", .value = &options->json}},
-       .run = run(Cells, options)});
+  commands.push_back({.name = "cells",
+                      .help = "Boxes of a tree's nodes at one depth, and of the leaves above",
+                      .options = {tree(options),
+                                  {.name = "--depth",
+                                   .help = "0 is the root",
+                                   .value = &options->depth,
+                                   .type = "DEPTH",
+                                   .required = true}},
+                      .run = run(Cells, options)});
 
   options = new_options();
   commands.push_back({.name = "mesh",
                       .help = "The file that was uploaded",
                       .options = {tree(options),
                                   {.name = "-o,--output",
-                                   .help = "File to write, or -",
+                                   .help = "File to write, with the ending of the mesh's format, "
+                                           "or - for standard output",
                                    .value = &options->output,
                                    .type = "FILE",
                                    .required = true}},

@@ -9,8 +9,8 @@
 #include <iterator>
 #include <sstream>
 
-#include "clients/cpp/client/document.h"
-#include "clients/cpp/client/local_file.h"
+#include "kdray/document.h"
+#include "kdray/payload.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/unit/clients/fake_service.h"
 
@@ -40,7 +40,10 @@ class CommandTest : public ::testing::Test {
     out_.str({});
     err_.str({});
     arguments.insert(arguments.begin(), {"--server", service_.Url()});
-    return RunCommand(arguments, {.out = out_, .err = err_});
+    return RunCommand(arguments, {.out = out_,
+                                  .err = err_,
+                                  .out_columns = columns_,
+                                  .patience = std::chrono::milliseconds(0)});
   }
 
   std::string WriteMesh(const std::string& bytes = "ply and so on") {
@@ -49,13 +52,14 @@ class CommandTest : public ::testing::Test {
   }
 
   std::string IdOf(const std::string& path, const std::string& build = "auto") {
-    return LocalFile(path).Sha256() + "-" + build;
+    return Payload::OfFile(path).Sha256() + "-" + build;
   }
 
   FakeService service_;
   TemporaryFolder folder_;
   std::ostringstream out_;
   std::ostringstream err_;
+  std::size_t columns_ = 0;
 };
 
 // ---- upload ----
@@ -95,8 +99,8 @@ TEST_F(CommandTest, UploadWaitsForTheBuildAndTellsHowFarItIs) {
   service_.polls_until_ready = 3;
   const std::string mesh = WriteMesh();
   EXPECT_EQ(Run({"upload", mesh}), kExitOk);
-  EXPECT_THAT(err_.str(), AllOf(HasSubstr("uploading 100%"), HasSubstr("building  50%"),
-                                HasSubstr("building  100%")));
+  EXPECT_THAT(err_.str(), AllOf(HasSubstr("uploading  100%  13 B of 13 B"),
+                                HasSubstr("building   50%"), HasSubstr("building   100%")));
   EXPECT_EQ(Run({"-q", "upload", WriteMesh("other")}), kExitOk);
   EXPECT_THAT(err_.str(), IsEmpty());
 }
@@ -129,6 +133,10 @@ TEST_F(CommandTest, UploadOfAMissingFileIsALocalError) {
   EXPECT_EQ(Run({"upload", folder_ / "no.ply"}), kExitLocalFile);
   EXPECT_THAT(err_.str(), HasSubstr("no.ply: No such file"));
   EXPECT_EQ(Run({"upload", folder_.path().string()}), kExitLocalFile);
+  EXPECT_THAT(err_.str(), HasSubstr("no mesh file in this directory"));
+  EXPECT_EQ(Run({"upload", folder_ / "*.ply"}), kExitLocalFile);
+  EXPECT_THAT(err_.str(), HasSubstr("*.ply: no file matches this pattern"));
+  EXPECT_EQ(Run({"upload", "/dev/null"}), kExitLocalFile);
   EXPECT_THAT(err_.str(), HasSubstr("not a regular file"));
   EXPECT_THAT(service_.Seen(), IsEmpty());
 }
@@ -136,6 +144,35 @@ TEST_F(CommandTest, UploadOfAMissingFileIsALocalError) {
 TEST_F(CommandTest, UploadOfAnEmptyFileIsTheServersToRefuse) {
   EXPECT_EQ(Run({"upload", WriteMesh("")}), kExitOk);
   EXPECT_EQ(service_.Seen().back().headers.find("content-length")->second, "0");
+}
+
+TEST_F(CommandTest, UploadTakesADirectoryAPatternAndSeveralAndPrintsAsSha256sumDoes) {
+  for (const char* name : {"b.ply", "a.stl", "notes.txt", "c.PLY"}) {
+    WriteText(folder_ / name, std::string("mesh ") + name);
+  }
+  const auto line = [&](const char* name) {
+    return IdOf(folder_ / name) + "  " + (folder_ / name) + "\n";
+  };
+  EXPECT_EQ(Run({"upload", folder_.path().string()}), kExitOk);
+  EXPECT_EQ(out_.str(), line("a.stl") + line("b.ply") + line("c.PLY"));
+  EXPECT_EQ(Run({"upload", folder_ / "*.ply", folder_ / "a.stl"}), kExitOk);
+  EXPECT_EQ(out_.str(), line("b.ply") + line("a.stl"));
+  EXPECT_EQ(Run({"upload", folder_.path().string(), "--json"}), kExitOk);
+  EXPECT_EQ(Document::Parse(out_.str()).value().Items().at(1)["file"].Text(), folder_ / "b.ply");
+}
+
+TEST_F(CommandTest, UploadOfSeveralGoesOnAfterABadOneAndFailsAtTheEnd) {
+  WriteText(folder_ / "a.ply", "bad");
+  WriteText(folder_ / "b.ply", "good");
+  service_.AnswerOnce(
+      "POST", "/v1/trees?build",
+      {422, ProblemJson(422, "invalid_mesh", "no vertices"), "application/problem+json"});
+  EXPECT_EQ(Run({"upload", folder_ / "a.ply", folder_ / "b.ply", folder_ / "no.ply"}),
+            kExitRefused);
+  EXPECT_EQ(out_.str(), IdOf(folder_ / "b.ply") + "  " + (folder_ / "b.ply") + "\n");
+  EXPECT_THAT(err_.str(),
+              AllOf(HasSubstr("a.ply: invalid_mesh: no vertices"),
+                    HasSubstr("no.ply: No such file"), HasSubstr("2 of 3 files failed")));
 }
 
 // ---- render and rays ----
@@ -204,6 +241,90 @@ TEST_F(CommandTest, RaysAsksForAnyHitAndForJsonWhenTold) {
   EXPECT_EQ(request.headers.find("accept")->second, "application/json");
 }
 
+TEST_F(CommandTest, AWrongWordNamesItselfAndTheNearestRightOne) {
+  service_.AddTree(kDigestA + "-auto");
+  const std::string tree = kDigestA + "-auto";
+  const struct {
+    std::vector<std::string> arguments;
+    std::string says;
+  } kCases[] = {
+      {{"uplaod", "x"}, "kdray: there is no command 'uplaod'; did you mean 'upload'?"},
+      {{"frobnicate"}, "kdray: there is no command 'frobnicate'\n"},
+      {{"render", tree, "-o", "a.png", "--widht", "5"},
+       "kdray render has no option '--widht'; did you mean '--width'?"},
+      {{"list", "-x"}, "kdray list has no option '-x'"},
+      {{"--sever", "x", "list"}, "kdray has no option '--sever'; did you mean '--server'?"},
+      {{"sample", "teaport", "-o", "-"}, "there is no name 'teaport'; did you mean 'teapot'?"},
+      {{"completion", "bsh"}, "there is no shell 'bsh'; did you mean 'bash'?"},
+      {{"render", tree, "-o", "a.jpg"}, "'a.jpg' must end in .png or .npy"},
+      {{"render", tree, "-o", "a.png", "--size", "640*480"}, "as 1920x1080, not '640*480'"},
+  };
+  for (const auto& test : kCases) {
+    SCOPED_TRACE(::testing::PrintToString(test.arguments));
+    EXPECT_EQ(Run(test.arguments), kExitUsage);
+    EXPECT_THAT(err_.str(), HasSubstr(test.says));
+  }
+  service_.AnswerOnce(
+      "GET", "/v1/trees/" + tree + "/render",
+      {400, ProblemJson(400, "invalid_parameter", "no mode 'shadde'", R"({"parameter": "mode"})"),
+       "application/problem+json"});
+  EXPECT_EQ(Run({"render", tree, "-o", folder_ / "a.png", "--mode", "shadde"}), kExitRefused);
+  EXPECT_THAT(err_.str(), HasSubstr("did you mean 'shaded'?"));
+}
+
+TEST_F(CommandTest, SizeIsWidthAndHeight) {
+  service_.AddTree(kDigestA + "-auto");
+  EXPECT_EQ(Run({"render", kDigestA + "-auto", "-o", folder_ / "a.png", "--size", "80x60"}),
+            kExitOk);
+  EXPECT_THAT(service_.Targets("GET").back(), HasSubstr("render.png?width=80&height=60"));
+  EXPECT_EQ(Run({"render", kDigestA + "-auto", "-o", folder_ / "a.png", "--size", "80x60",
+                 "--width", "5"}),
+            kExitUsage);
+}
+
+TEST_F(CommandTest, TurntableGoesOnceAroundTheMesh) {
+  const std::string tree = kDigestA + "-auto";
+  service_.AddTree(tree);
+  EXPECT_EQ(Run({"render", tree, "-o", folder_ / "t.png", "--turntable", "4", "--view", "front"}),
+            kExitOk);
+  std::vector<std::string> eyes;
+  for (const std::string& target : service_.Targets("GET")) {
+    const std::size_t eye = target.find("eye=");
+    if (eye != std::string::npos) eyes.push_back(target.substr(eye + 4));
+  }
+  ASSERT_EQ(eyes.size(), 4u);
+  EXPECT_THAT(eyes[0], StartsWith("0,0,"));  // the front, then the right side, and so on
+  for (const char* name : {"t-0.png", "t-1.png", "t-2.png", "t-3.png"}) {
+    EXPECT_EQ(ReadText(folder_ / name), "picture as png") << name;
+  }
+  EXPECT_THAT(err_.str(), HasSubstr("t-0.png to "));
+  EXPECT_EQ(Run({"render", tree, "-o", "-", "--turntable", "2"}), kExitOk);
+  EXPECT_EQ(out_.str(), "picture as pngpicture as png");
+  for (const std::vector<std::string>& wrong :
+       std::vector<std::vector<std::string>>{{"--view", "top"},
+                                             {"--projection", "spherical"},
+                                             {"--up", "0,0,0"},
+                                             {"--up", "up"},
+                                             {"--eye", "0,9,0"}}) {
+    std::vector<std::string> arguments = {"render", tree, "-o", "-", "--turntable", "2"};
+    arguments.insert(arguments.end(), wrong.begin(), wrong.end());
+    EXPECT_EQ(Run(arguments), kExitUsage) << wrong.front();
+  }
+}
+
+TEST_F(CommandTest, JsonTellsWhatWasWritten) {
+  service_.AddTree(kDigestA + "-auto");
+  const std::string picture = folder_ / "a.png";
+  EXPECT_EQ(Run({"render", kDigestA + "-auto", "-o", picture, "--json"}), kExitOk);
+  const Document told = Document::Parse(out_.str()).value();
+  EXPECT_EQ(told["file"].Text(), picture);
+  EXPECT_EQ(told["bytes"].Count(), 14u);
+  EXPECT_EQ(told["precision"].Text(), "watertight");
+  EXPECT_EQ(told["trace_ms"].Number(), 23.5);
+  EXPECT_EQ(Run({"render", kDigestA + "-auto", "-o", "-", "--json"}), kExitUsage);
+  EXPECT_THAT(err_.str(), HasSubstr("both write to standard output"));
+}
+
 TEST_F(CommandTest, RaysRefusesAnotherArrayBeforeItTravels) {
   service_.AddTree(kDigestA + "-auto");
   const auto npy = [](const std::string& header) {
@@ -217,6 +338,9 @@ TEST_F(CommandTest, RaysRefusesAnotherArrayBeforeItTravels) {
       {npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }\n"), "3"},
       {npy("{'descr': '<f4', 'fortran_order': False, 'shape': (), }\n"), "columns"},
       {npy("{'descr': '<f4', "), "too early"},
+      {npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 6), }\n"), "12 numbers"},
+      {npy("{'descr': '<f8', 'fortran_order': False, 'shape': (9223372036854775807, 6), }\n"),
+       "more than 2^64 numbers"},
       {"0 0 5 0 0 -1\n", "neither"},
       {"", "neither"},
   };
@@ -311,6 +435,18 @@ TEST_F(CommandTest, TradeoffMeasuresWhatWasNotMeasuredAndPrintsATable) {
   EXPECT_THAT(out_.str(), AllOf(HasSubstr("RANDOM M/S"), HasSubstr("2.5"), HasSubstr("0.06"),
                                 HasSubstr("< 0.03"), HasSubstr("12 triangles, closed"),
                                 HasSubstr("other work beside 1 of 48 runs")));
+  columns_ = 40;
+  service_.AnswerOnce("GET", path, {200, measured});
+  EXPECT_EQ(Run({"tradeoff", id}), kExitOk);
+  std::istringstream lines(out_.str());
+  for (std::string text; std::getline(lines, text) && !text.starts_with("12 triangles");) {
+    EXPECT_LE(text.size(), 40u) << text;
+  }
+  columns_ = 0;
+  service_.AnswerOnce("GET", path, {200, measured});
+  EXPECT_EQ(Run({"tradeoff", id, "--plot", folder_ / "p.png"}), kExitOk);
+  EXPECT_THAT(ReadText(folder_ / "p.png"), StartsWith("\x89PNG"));
+  EXPECT_EQ(Run({"tradeoff", id, "--plot", "p.svg"}), kExitUsage);
   service_.AnswerOnce("GET", path, {200, measured});
   EXPECT_EQ(Run({"tradeoff", id, "--json"}), kExitOk);
   EXPECT_EQ(Document::Parse(out_.str()).value()["mesh"]["triangles"].Count(), 12u);
@@ -325,6 +461,10 @@ TEST_F(CommandTest, MeshGivesTheUploadedBytesBack) {
   ASSERT_EQ(Run({"upload", mesh}), kExitOk);
   EXPECT_EQ(Run({"mesh", IdOf(mesh), "-o", folder_ / "back.ply"}), kExitOk);
   EXPECT_EQ(ReadText(folder_ / "back.ply"), ReadText(mesh));
+  EXPECT_EQ(Run({"mesh", IdOf(mesh), "-o", folder_ / "back.stl"}), kExitUsage);
+  EXPECT_THAT(err_.str(), HasSubstr("must end in .ply"));
+  EXPECT_EQ(Run({"mesh", IdOf(mesh), "-o", "-"}), kExitOk);
+  EXPECT_EQ(out_.str(), ReadText(mesh));
 }
 
 TEST_F(CommandTest, ARefusedMeshDownloadLeavesNoFile) {
@@ -379,13 +519,12 @@ TEST_F(CommandTest, WrongUsageIsToldApart) {
            {},
            {"uplod"},
            {"upload"},
-           {"upload", "a", "b"},
            {"render", "x"},
            {"list", "--server", "ftp://h"},
            {"sample", "bunny", "-o", "x.ply"},
            {"sample", "cube", "-o", "x.gltf"},
            {"sample", "cube", "-o", "x.ply", "--detail", "0"},
-           {"sample-rays", "-n", "5", "-o", "x.npy"},
+           {"sample-rays", "-n", "5", "-o", "x.ply"},
            {"sample-rays", "-n", "5", "-o", "x.npy", "--bounds", "1,2,3"},
            {"cells", kDigestA + "-auto"},
        }) {

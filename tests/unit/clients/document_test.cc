@@ -1,4 +1,4 @@
-#include "clients/cpp/client/document.h"
+#include "kdray/document.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

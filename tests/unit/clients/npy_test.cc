@@ -1,9 +1,9 @@
-#include "clients/cpp/client/npy.h"
+#include "kdray/npy.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "clients/cpp/client/error.h"
+#include "kdray/error.h"
 
 namespace kdray::client {
 namespace {
@@ -31,7 +31,8 @@ TEST(Npy, ReadsBackTheHeaderThatItWrites) {
 
 TEST(Npy, WritesRowsAsNumPyWould) {
   const float values[] = {1.0f, -2.0f};
-  const std::string bytes = EncodeNpyRows(values, 2);
+  const std::string bytes =
+      EncodeNpyHeader({.descr = "<f4", .shape = {1, 2}}) + LittleEndianFloats(values);
   // numpy.save of numpy.array([[1, -2]], 'f4') except for the comma that NumPy omits.
   EXPECT_THAT(bytes, HasSubstr("{'descr': '<f4', 'fortran_order': False, 'shape': (1,2,), }"));
   EXPECT_EQ(bytes.substr(bytes.size() - 8), "\0\0\x80\x3f\0\0\0\xc0"s);

@@ -8,7 +8,7 @@
 #include <iterator>
 #include <sstream>
 
-#include "clients/cpp/client/error.h"
+#include "kdray/error.h"
 #include "tests/support/temporary_folder.h"
 
 namespace kdray::client {

@@ -1,4 +1,4 @@
-#include "clients/cpp/client/problem.h"
+#include "kdray/problem.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

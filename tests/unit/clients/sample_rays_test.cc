@@ -10,7 +10,7 @@ namespace {
 const Box kBox = {{-1, 2, -3}, {1, 4, 5}};
 
 TEST(SampleRays, StartOutsideTheBoxAndPassThroughItAtOne) {
-  const auto rays = RaysTowardsBox(kBox, 1000, 1);
+  const auto rays = RaysTowardsBox(kBox, 1).Next(1000);
   ASSERT_EQ(rays.size(), 6000u);
   for (std::size_t i = 0; i < rays.size(); i += 6) {
     bool outside = false;
@@ -27,7 +27,7 @@ TEST(SampleRays, StartOutsideTheBoxAndPassThroughItAtOne) {
 
 TEST(SampleRays, ComeFromAllAround) {
   int octants[8] = {};
-  const auto rays = RaysTowardsBox(kBox, 8000, 1);
+  const auto rays = RaysTowardsBox(kBox, 1).Next(8000);
   const double center[3] = {0, 3, 1};
   for (std::size_t i = 0; i < rays.size(); i += 6) {
     int octant = 0;
@@ -39,12 +39,20 @@ TEST(SampleRays, ComeFromAllAround) {
 }
 
 TEST(SampleRays, AreTheSameForTheSameSeedOnly) {
-  EXPECT_EQ(RaysTowardsBox(kBox, 10, 7), RaysTowardsBox(kBox, 10, 7));
-  EXPECT_NE(RaysTowardsBox(kBox, 10, 7), RaysTowardsBox(kBox, 10, 8));
+  EXPECT_EQ(RaysTowardsBox(kBox, 7).Next(10), RaysTowardsBox(kBox, 7).Next(10));
+  EXPECT_NE(RaysTowardsBox(kBox, 7).Next(10), RaysTowardsBox(kBox, 8).Next(10));
+}
+
+TEST(SampleRays, AreTheSameHoweverTheyAreDivided) {
+  RaysTowardsBox parts(kBox, 7);
+  std::vector<float> rays = parts.Next(3);
+  const std::vector<float> rest = parts.Next(7);
+  rays.insert(rays.end(), rest.begin(), rest.end());
+  EXPECT_EQ(rays, RaysTowardsBox(kBox, 7).Next(10));
 }
 
 TEST(SampleRays, AimAtAPointToo) {
-  const auto rays = RaysTowardsBox({{1, 1, 1}, {1, 1, 1}}, 5, 1);
+  const auto rays = RaysTowardsBox({{1, 1, 1}, {1, 1, 1}}, 1).Next(5);
   for (const float x : rays) EXPECT_TRUE(std::isfinite(x));
 }
 

@@ -1,9 +1,9 @@
-#include "clients/cpp/client/server_url.h"
+#include "kdray/server_url.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "clients/cpp/client/error.h"
+#include "kdray/error.h"
 
 namespace kdray::client {
 namespace {

@@ -30,7 +30,10 @@ NpyHeader ParseNpyHeader(std::string_view bytes);
 /// A version 1 header, padded so that the elements begin at a multiple of 64 bytes.
 std::string EncodeNpyHeader(const NpyHeader& header);
 
-/// A whole file of little-endian float32 rows. @pre values.size() is a multiple of `columns`.
-std::string EncodeNpyRows(std::span<const float> values, std::uint64_t columns);
+/// The elements of a <f4 array.
+std::string LittleEndianFloats(std::span<const float> values);
+
+/// The elements of a <f8 array.
+std::string LittleEndianDoubles(std::span<const double> values);
 
 }  // namespace kdray::client

@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "clients/cpp/client/problem.h"
+#include "kdray/problem.h"
 
 namespace kdray::client {
 

@@ -1,12 +1,12 @@
-// A value of a JSON answer, read leniently. Only its .cc includes the JSON library.
+// A value of a JSON answer, read leniently. Only its .cc knows the JSON library.
 #pragma once
 
 #include <cstdint>
 #include <memory>
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace kdray::client {
@@ -17,6 +17,12 @@ class Document {
  public:
   /// null.
   Document();
+
+  explicit Document(std::string text);
+  explicit Document(const char* text) : Document(std::string(text)) {}
+  explicit Document(double number);  ///< null if it is not finite
+  explicit Document(std::uint64_t count);
+  explicit Document(bool flag);
 
   /// nullopt if `text` is not JSON.
   static std::optional<Document> Parse(std::string_view text);
@@ -41,13 +47,18 @@ class Document {
   /// An array of these.
   static Document ArrayOf(const std::vector<Document>& items);
 
+  /// An object of these members, in this order.
+  static Document ObjectOf(const std::vector<std::pair<std::string, Document>>& members);
+
   /// The JSON text, indented by two blanks.
   std::string Indented() const;
 
  private:
-  explicit Document(std::shared_ptr<const nlohmann::json> value) : value_(std::move(value)) {}
+  struct Node;  ///< the JSON library's value
 
-  std::shared_ptr<const nlohmann::json> value_;  ///< shares the ownership of the whole answer
+  explicit Document(std::shared_ptr<const Node> node) : node_(std::move(node)) {}
+
+  std::shared_ptr<const Node> node_;  ///< shares the ownership of the whole answer
 };
 
 }  // namespace kdray::client

@@ -7,8 +7,8 @@
 #include <string>
 #include <string_view>
 
-#include "clients/cpp/client/local_file.h"
-#include "clients/cpp/client/server_url.h"
+#include "kdray/payload.h"
+#include "kdray/server_url.h"
 
 namespace kdray::client {
 
@@ -20,9 +20,6 @@ struct ClientOptions {
   int timeout_s = 660;
 };
 
-/// Called while a body is sent, with the bytes sent so far.
-using SendProgress = std::function<void(std::uint64_t sent)>;
-
 /// Takes a successful answer's body piece by piece. May throw; the exchange is then abandoned.
 using BodySink = std::function<void(std::string_view piece)>;
 
@@ -33,9 +30,9 @@ struct HttpRequest {
   std::string accept = {};        ///< Accept header; empty sends none
   std::string content_type = {};  ///< of the body
   std::string body = {};
-  const LocalFile* file = nullptr;  ///< sent instead of `body`, without reading it into memory
-  SendProgress on_sent = {};        ///< for `file`
-  BodySink sink = {};               ///< for GET: takes the body of an answer with status 200
+  const Payload* payload = nullptr;  ///< sent instead of `body`, without reading it into memory
+  ByteProgress on_sent = {};         ///< for `payload`
+  BodySink sink = {};                ///< for GET: takes the body of an answer with status 200
 };
 
 struct HttpResponse {
@@ -54,7 +51,7 @@ class Transport {
   ~Transport();
 
   /// Any status is an answer. Throws ConnectionError without an answer, LocalFileError if
-  /// request.file cannot be read, and the sink's exceptions.
+  /// request.payload cannot be read, and the sink's exceptions.
   HttpResponse Send(const HttpRequest& request);
 
   const ClientOptions& options() const { return options_; }

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "clients/cpp/client/client.h"
+#include "kdray/client.h"
 
 namespace kdray::client {
 

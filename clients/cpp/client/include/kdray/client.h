@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "clients/cpp/client/document.h"
-#include "clients/cpp/client/transport.h"
+#include "kdray/document.h"
+#include "kdray/transport.h"
 
 namespace kdray::client {
 
@@ -45,6 +45,10 @@ class Client {
  public:
   explicit Client(ClientOptions options) : transport_(std::move(options)) {}
 
+  /// `url` as ParseServerUrl reads it. Throws UsageError if it is invalid.
+  explicit Client(const std::string& url, const std::string& token = {})
+      : Client(ClientOptions{.server = ParseServerUrl(url), .token = token}) {}
+
   /// GET /v1: version, formats, builds, precisions, limits.
   Document ServiceInfo();
 
@@ -57,9 +61,9 @@ class Client {
   /// GET /v1/trees, one page; `after` is `next` of the previous page.
   TreePage ListTrees(const std::string& after = {});
 
-  /// POST /v1/trees with the file's bytes.
-  Tree CreateTree(const LocalFile& mesh, const std::string& build, int wait_ms,
-                  const SendProgress& on_sent = {});
+  /// POST /v1/trees with the mesh's bytes.
+  Tree CreateTree(const Payload& mesh, const std::string& build, int wait_ms,
+                  const ByteProgress& on_sent = {});
 
   /// POST /v1/trees?mesh=: another build of a stored mesh; nullopt if the server does not have it.
   std::optional<Tree> CreateTreeOfStoredMesh(const std::string& sha256, const std::string& build,
@@ -70,13 +74,10 @@ class Client {
   /// GET /v1/trees/{id}/mesh, piece by piece.
   void DownloadMesh(const std::string& id, const BodySink& sink);
 
-  /// POST /v1/trees/{id}/rays/{query}; `accept` is the media type of the answer.
-  Answer QueryRays(const std::string& id, const std::string& query, const Parameters& options,
-                   const LocalFile& rays, const std::string& accept);
-
-  /// POST /v1/trees/{id}/points/{query}, as QueryRays.
-  Answer QueryPoints(const std::string& id, const std::string& query, const Parameters& options,
-                     const LocalFile& points, const std::string& accept);
+  /// POST /v1/trees/{id}/{query} with a batch; `query` is `rays/closest`, `points/inside`,
+  /// `visibility` and so on, `accept` the media type of the answer. batches.h has typed forms.
+  Answer Query(const std::string& id, const std::string& query, const Parameters& options,
+               const Payload& rows, const std::string& accept, const ByteProgress& on_sent = {});
 
   /// GET /v1/trees/{id}/render.png or render.npy.
   Answer Render(const std::string& id, const std::string& format, const Parameters& fields);

@@ -1,17 +1,18 @@
-// Creates the tree of a mesh file on the server, sending as little as possible.
+// Creates the tree of a mesh on the server, sending as little as possible.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <string>
 
-#include "clients/cpp/client/client.h"
+#include "kdray/client.h"
 
 namespace kdray::client {
 
 /// Called with the progress; every member may be empty.
 struct UploadWatcher {
-  SendProgress on_sent;                           ///< bytes of the file sent so far
+  ByteProgress on_hashed;                         ///< bytes hashed so far, before anything is sent
+  ByteProgress on_sent;                           ///< bytes sent so far
   std::function<void(double progress)> on_build;  ///< 0..1
 };
 
@@ -25,7 +26,7 @@ struct UploadResult {
 /// sends the bytes only if the server does not have them. Then waits until the tree is built.
 /// Throws as Client does, Refusal for a mesh that the server cannot build, and LocalFileError if
 /// the file changed meanwhile.
-UploadResult UploadMesh(Client& client, const LocalFile& mesh, const std::string& build,
-                        const UploadWatcher& watcher);
+UploadResult UploadMesh(Client& client, const Payload& mesh, const std::string& build = "auto",
+                        const UploadWatcher& watcher = {});
 
 }  // namespace kdray::client
