@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # The daemon in a container:
 #   docker build -t kdray . && docker run -p 8080:8080 -v kdray:/var/lib/kdray kdray
 # --build-arg DEBIAN=trixie builds on Debian 13 instead of 12.
@@ -20,11 +21,16 @@ COPY server/dependencies.sh /tmp/
 RUN /tmp/dependencies.sh run && rm -rf /var/lib/apt/lists/* /tmp/dependencies.sh
 RUN useradd --system --uid 8080 --user-group --no-create-home --shell /usr/sbin/nologin kdray \
     && install -d -o kdray -g kdray -m 700 /var/lib/kdray
+LABEL org.opencontainers.image.title="kdray" \
+    org.opencontainers.image.description="Ray queries and renders over triangle meshes, by HTTP" \
+    org.opencontainers.image.version="0.1.0" \
+    org.opencontainers.image.licenses="Apache-2.0"
 COPY --from=build /src/build/release/bin/kdrayd /src/build/release/bin/kdray /usr/local/bin/
 # Detects a missing library here, not at the first start.
 RUN kdrayd --version && kdray --version
 USER kdray
-ENV KDRAY_HOST=0.0.0.0 KDRAY_PORT=8080 KDRAY_DATA_DIR=/var/lib/kdray
+# `docker stop` waits 10 s: requests that are not finished by then are cancelled first.
+ENV KDRAY_HOST=0.0.0.0 KDRAY_PORT=8080 KDRAY_DATA_DIR=/var/lib/kdray KDRAY_DRAIN_TIMEOUT_MS=7000
 VOLUME /var/lib/kdray
 EXPOSE 8080
 # The shell opens the connection, so the image needs no HTTP client.
