@@ -56,6 +56,7 @@ mypy
 nodejs
 python3-distributed
 python3-jsonschema
+python3-kubernetes
 python3-numpy
 python3-pip
 python3-requests
