@@ -51,11 +51,15 @@ def with_examples(value, folder, document):
     return value
 
 
+def load(source):
+    """The whole document; `source` is the path of the YAML."""
+    document = yaml.load(source.read_text(encoding="utf-8"), Loader)
+    return with_examples(document, source.parent, document)
+
+
 def main():
     source, target = Path(sys.argv[1]), Path(sys.argv[2])
-    document = yaml.load(source.read_text(encoding="utf-8"), Loader)
-    text = json.dumps(
-        with_examples(document, source.parent, document), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    text = json.dumps(load(source), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     target.write_text(text + "\n", encoding="utf-8")
 
 

@@ -133,8 +133,8 @@ class Walk(ContractTest):
         content = documented.get("content", {})
         if answer.body:
             self.assertIn(answer.type, content, place)
-            if "schema" in content[answer.type]:
-                self.contract.validate(content[answer.type]["schema"], answer.json())
+            schema = content[answer.type]["schema"]
+            self.contract.validate(schema, answer.json() if answer.type.endswith("json") else answer.body.decode("latin-1"))
         else:
             self.assertEqual(content, {}, place)
         self.seen.setdefault((operation["operationId"], answer.status), set()).update(sent)
@@ -186,7 +186,8 @@ class Walk(ContractTest):
         self.walk(trees, "get", [(200, trees), (400, trees + "?limit=0"), (401, trees, None, {}, self.guarded)])
         self.walk(trees + "/{id}", "get", [(200, at), (400, at + "?wait=1"), (404, nowhere), (422, self.failed())])
         self.walk(trees + "/{id}/mesh", "get", [
-            (200, at + "/mesh"), (304, at + "/mesh", None, {"If-None-Match": f'"{tree[:64]}"'}), (404, nowhere + "/mesh")])
+            (200, at + "/mesh"), (304, at + "/mesh", None, {"If-None-Match": f'"{tree[:64]}"'}), (404, nowhere + "/mesh"),
+            (400, at + "/mesh?x=1")])
 
         for query in ("closest", "any", "count", "all"):
             rays = at + "/rays/" + query
@@ -235,8 +236,9 @@ class Walk(ContractTest):
 
         self.walk("/v1/trees/{id}/tradeoff", "get", [(200, at + "/tradeoff?wait_ms=60000")])
         self.walk("/v1/trees/{id}/tradeoff", "post", [(202, at + "/tradeoff?wait_ms=0")])
-        self.walk("/v1/trees/{id}/tradeoff", "delete", [(204, at + "/tradeoff"), (404, at + "/tradeoff")])
-        self.walk("/v1/trees/{id}", "delete", [(204, at), (404, at)])
+        self.walk("/v1/trees/{id}/tradeoff", "delete", [
+            (400, at + "/tradeoff?x=1"), (204, at + "/tradeoff"), (404, at + "/tradeoff")])
+        self.walk("/v1/trees/{id}", "delete", [(400, at + "?x=1"), (204, at), (404, at)])
 
         wrong_method = ask(self.daemon.url, "DELETE", trees)
         self.assertEqual(wrong_method.status, "405")
@@ -319,7 +321,9 @@ class Help(ContractTest):
         return set(re.split(r", | or ", found[1]))
 
     def test_the_command_renders_what_the_contract_renders(self):
-        fields = self.contract.document["components"]["schemas"]["RenderRequest"]["properties"]
+        parameters = self.contract.document["paths"]["/v1/trees/{id}/render.png"]["get"]["parameters"]
+        fields = {field["name"]: field.get("schema") or field["content"]["application/json"]["schema"]
+                  for field in parameters}
         options = self.options(KDRAY, "render")
         general = set(self.options(KDRAY)) | {"output", "help", "size", "turntable"}
         self.assertEqual(set(options) - general, set(fields))
