@@ -113,7 +113,7 @@ api::Outcome<HttpResponse> GetProblemPage(const HandlerContext& context, RoutedR
   const std::string body = "<h1>" + EscapeHtml(row.title) + "</h1>\n<p><code>" +
                            EscapeHtml(api::Name(row.code)) + "</code>, HTTP status " +
                            std::to_string(row.status) + "</p>\n<p>" + EscapeHtml(row.meaning) +
-                           "</p>\n<p><a href=\"/docs#problems\">All problems</a></p>\n";
+                           "</p>\n<p><a href=\"../docs#problems\">All problems</a></p>\n";
   return HtmlAnswer(context, TextPage(row.title, body), kTextPagePolicy);
 }
 

@@ -1,18 +1,17 @@
 #include "server/pages/html.h"
 
+#include "server/pages/embedded_page.h"
+
 namespace kdray::server {
 namespace {
 
-constexpr std::string_view kStyle =
-    "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;"
-    "color:#222;background:#fff}"
-    "h2{border-top:1px solid #ccc;padding-top:1rem;margin-top:2rem}"
-    "code,pre{font-family:ui-monospace,monospace;font-size:.9em}"
-    "pre{background:#f4f4f4;padding:.6rem;overflow:auto}"
-    "table{border-collapse:collapse;width:100%}"
-    "td,th{border:1px solid #ccc;padding:.3rem .5rem;text-align:left;vertical-align:top}"
-    "@media(prefers-color-scheme:dark){body{color:#ddd;background:#1a1a1a}"
-    "pre{background:#262626}a{color:#8bf}td,th,h2{border-color:#444}}";
+/// Inside the page, because a page with a token cannot load a style sheet that needs the token too.
+std::string_view Style() {
+  for (const auto& [name, bytes] : kEmbeddedPage) {
+    if (name == "text.css") return bytes;
+  }
+  return {};
+}
 
 }  // namespace
 
@@ -49,7 +48,7 @@ std::string TextPage(std::string_view title, std::string_view body) {
       "<meta name=\"viewport\" content=\"width=device-width\">\n<title>";
   page += EscapeHtml(title);
   page += "</title>\n<style>";
-  page += kStyle;
+  page += Style();
   page += "</style>\n</head>\n<body>\n";
   page += body;
   page += "</body>\n</html>\n";
