@@ -53,6 +53,8 @@ struct FieldUse {
   Some<Projection> projections = {};
   Some<RenderMode> modes = {};
   Some<ImageForm> forms = {};
+  Some<RenderMode> array_modes =
+      {};  ///< the modes whose arrays use it, where a picture always does
 };
 
 constexpr Some<Projection> kFlat = {Projection::kPerspective, Projection::kOrthographic};
@@ -68,7 +70,8 @@ constexpr std::array kFieldUses = {
     FieldUse{.field = "v_fov_deg", .projections = {Projection::kSpherical}},
     FieldUse{.field = "intrinsic", .projections = {Projection::kPerspective}},
     FieldUse{.field = "extrinsic", .projections = {Projection::kPerspective}},
-    FieldUse{.field = "cells_depth", .projections = kFlat},
+    FieldUse{.field = "cells_depth", .projections = kFlat, .array_modes = {RenderMode::kShaded}},
+    FieldUse{.field = "edges", .array_modes = {RenderMode::kShaded}},
     FieldUse{.field = "depth_range", .modes = {RenderMode::kDepth}, .forms = {ImageForm::kPng}},
     FieldUse{.field = "samples", .modes = kSampled},
     FieldUse{.field = "seed", .modes = kSampled},
@@ -109,6 +112,10 @@ std::optional<std::string> Owner(const FieldUse& use, const RenderRequest& reque
   if (!use.forms.Has(form)) {
     return use.forms.Words(kFormNames) + ", not to " +
            std::string(kFormNames[static_cast<std::size_t>(form)]);
+  }
+  if (form == ImageForm::kNpy && !use.array_modes.Has(request.mode)) {
+    return "render.png and to arrays of mode " + use.array_modes.Words(kRenderModeNames) +
+           ", not to arrays of mode " + std::string(Name(request.mode));
   }
   return std::nullopt;
 }

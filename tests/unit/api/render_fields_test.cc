@@ -497,6 +497,7 @@ TEST(UnusedFields, AreRefusedByNameUnlessTheyHaveTheirDefault) {
                                                                               : text;
           const auto body = DecodeRenderBody(json + "\"" + name + "\":" + value + "}", form,
                                              std::nullopt, kLimits);
+          if (b.field == "cells_depth" && form == ImageForm::kNpy && mode != "shaded") continue;
           const bool is_used =
               Holds(b.projections, projection) && Holds(b.modes, mode) && Holds(b.forms, form_name);
           SCOPED_TRACE(kind + " " + form_name + " " + name + "=" + text);
@@ -516,6 +517,24 @@ TEST(UnusedFields, AreRefusedByNameUnlessTheyHaveTheirDefault) {
           }
         }
       }
+    }
+  }
+}
+
+TEST(UnusedFields, AreLinesInArraysOtherThanShaded) {
+  for (const std::string_view mode : kRenderModeNames) {
+    for (const std::string_view lines : {"edges=true", "cells_depth=3"}) {
+      const std::string query = "mode=" + std::string(mode) + "&" + std::string(lines);
+      SCOPED_TRACE(query);
+      const auto array = DecodeRenderQuery(query, ImageForm::kNpy, kLimits);
+      EXPECT_EQ(array.ok(), mode == "shaded");
+      if (mode != "position") EXPECT_TRUE(DecodeRenderQuery(query, ImageForm::kPng, kLimits));
+      if (array) continue;
+      EXPECT_EQ(array.problem().parameter, lines.substr(0, lines.find('=')));
+      EXPECT_THAT(array.problem().detail,
+                  HasSubstr("belongs to render.png and to arrays of mode shaded, not to arrays of "
+                            "mode " +
+                            std::string(mode)));
     }
   }
 }
