@@ -3,7 +3,7 @@
 import { KdrayError } from './errors.js';
 import { Transport } from './transport.js';
 import { Tree } from './tree.js';
-import { bytesOf, sending, sha256Of, sizeOf } from './upload.js';
+import { bytesOf, digestHeader, sending, sha256Of, sizeOf } from './upload.js';
 
 const BUILD_WAIT_MS = 30_000;
 const PROGRESS_WAIT_MS = 250; // between two looks at a build, for a bar that moves
@@ -54,9 +54,11 @@ export class Client {
       description = await this.transport.json('POST', 'v1/trees', {
         query: { build, wait_ms: onProgress ? 0 : BUILD_WAIT_MS },
         type: 'application/octet-stream',
+        digest: digestHeader(sha256),
         signal,
         ...sending(bytes, onBytes),
       });
+      onBytes?.(total);
     }
     return this.built(description, { onProgress, signal });
   }

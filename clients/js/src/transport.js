@@ -11,12 +11,14 @@ const LONGEST_PAUSE_MS = 10_000;
 
 /** @typedef {{status: number, headers: Headers, bytes: ArrayBuffer}} Answer */
 /**
- * `body` is a function where each try needs a new one (a stream). `send` replaces fetch.
+ * `body` is a function where each try needs its own (a stream); it gets the number of the try, from
+ * 0. `digest` is the value of Content-Digest. `send` replaces fetch.
  * @typedef {{
  *   query?: Record<string, unknown>,
- *   body?: BodyInit | null | (() => BodyInit),
+ *   body?: BodyInit | null | ((attempt: number) => BodyInit),
  *   type?: string,
  *   accept?: string,
+ *   digest?: string,
  *   signal?: AbortSignal,
  *   allow?: number[],
  *   send?: (url: string, init: RequestInit) => Promise<Answer>,
@@ -58,7 +60,7 @@ export class Transport {
     for (let attempt = 0; ; ++attempt) {
       signal?.throwIfAborted();
       const last = attempt >= this.retries;
-      const body = typeof options.body === 'function' ? options.body() : options.body;
+      const body = typeof options.body === 'function' ? options.body(attempt) : options.body;
       /** @type {Answer} */
       let answer;
       const own = linkedTo(signal);
@@ -93,11 +95,12 @@ export class Transport {
   }
 
   /** @param {RequestOptions} options */
-  async headers({ type, accept }) {
+  async headers({ type, accept, digest }) {
     const token = typeof this.token === 'function' ? await this.token() : this.token;
     const headers = new Headers();
     if (type) headers.set('Content-Type', type);
     if (accept) headers.set('Accept', accept);
+    if (digest) headers.set('Content-Digest', digest);
     if (token) headers.set('Authorization', `Bearer ${token}`);
     return headers;
   }

@@ -35,6 +35,17 @@ export async function bytesOf(mesh) {
 export const sizeOf = (bytes) => (bytes instanceof Blob ? bytes.size : bytes.byteLength);
 
 /**
+ * The header with which a proxy before several servers finds the one that has the tree (RFC 9530).
+ * Not from pages: it is no header that every server lets pages of other origins send.
+ * @param {string | undefined} sha256
+ */
+export function digestHeader(sha256) {
+  if (!sha256 || !isNode()) return undefined;
+  const bytes = sha256.match(/../g)?.map((digits) => String.fromCharCode(parseInt(digits, 16)));
+  return `sha-256=:${btoa((bytes ?? []).join(''))}:`;
+}
+
+/**
  * Lower-case hexadecimal digits; undefined in pages without HTTPS, where browsers have no hash.
  * @param {Blob | Uint8Array<ArrayBuffer>} bytes
  * @returns {Promise<string | undefined>}
@@ -50,6 +61,9 @@ export async function sha256Of(bytes) {
 /**
  * The options of a request that sends `bytes` and reports its progress: by XMLHttpRequest in pages,
  * because fetch does not report the progress of an upload there; by a stream in Node.
+ *
+ * A refusal in the middle of a stream is mostly lost: Node's fetch meets the closed connection
+ * before it reads the answer. So every other try sends the bytes as a whole, and gets the reason.
  * @param {Blob | Uint8Array<ArrayBuffer>} bytes
  * @param {OnBytes | undefined} onBytes
  * @returns {import('./transport.js').RequestOptions}
@@ -58,7 +72,9 @@ export function sending(bytes, onBytes) {
   if (onBytes && typeof XMLHttpRequest !== 'undefined') {
     return { body: bytes, send: (url, init) => sendByXhr(url, init, onBytes) };
   }
-  if (onBytes && isNode()) return { body: () => streamOf(bytes, onBytes) };
+  if (onBytes && isNode()) {
+    return { body: (attempt) => (attempt % 2 ? bytes : streamOf(bytes, onBytes)) };
+  }
   return { body: bytes };
 }
 

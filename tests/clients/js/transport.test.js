@@ -1,6 +1,7 @@
 // What the client does when answers are late, missing, broken or refusals: against a server of the
 // test, which answers as told.
 import assert from 'node:assert/strict';
+import { createHash } from 'node:crypto';
 import { getEventListeners } from 'node:events';
 import { createServer } from 'node:http';
 import { after, before, beforeEach, test } from 'node:test';
@@ -187,6 +188,26 @@ test('many requests leave nothing on the signal that they share', async () => {
   await tree.any(rows(150), { batchRows: 1, signal });
   await tree.any(rows(1), { signal });
   assert.equal(getEventListeners(signal, 'abort').length, 0);
+});
+
+test('an upload that breaks while it streams is sent again as a whole, with the digest of its bytes', async () => {
+  const mesh = new Uint8Array(100_000).fill(0x20);
+  const sha256 = createHash('sha256').update(mesh).digest();
+  answer = async (request, response, number, body) => {
+    if (request.method === 'GET') return problem(response, 404, 'tree_not_found');
+    if (number === 2) return request.socket.destroy();
+    return response.end(JSON.stringify({ id: ID, state: 'ready', progress: 1, mesh: {}, got: body.length }));
+  };
+  const seen = [];
+  const tree = await new Client(url).upload(mesh, { onProgress: (progress) => seen.push(progress) });
+  assert.equal(tree.description.got, mesh.length);
+  const [asked, first, second] = requests;
+  assert.equal(asked.url, `/base/v1/trees/${sha256.toString('hex')}-auto`);
+  assert.deepEqual([first.headers['transfer-encoding'], second.headers['content-length']], ['chunked', '100000']);
+  for (const { headers } of [first, second]) {
+    assert.equal(headers['content-digest'], `sha-256=:${sha256.toString('base64')}:`);
+  }
+  assert.deepEqual(seen[seen.length - 2], { phase: 'upload', fraction: 1, loaded: 100_000, total: 100_000 });
 });
 
 test('a DELETE whose answer was lost has still succeeded', async () => {
