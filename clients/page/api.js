@@ -137,12 +137,16 @@ export class Api {
     return this.fetch(`${treePath(id)}/tradeoff`, { method: 'DELETE' });
   }
 
-  /** POST of a file. XMLHttpRequest, because fetch does not report the progress of an upload. */
-  async upload(file, build, onProgress, signal) {
+  /**
+   * POST of a file. XMLHttpRequest, because fetch does not report the progress of an upload.
+   * @param options.digest the SHA-256 in base64, if it is known: a proxy before several servers
+   *     finds the mesh's server by it
+   */
+  async upload(file, build, options) {
     for (;;) {
       const sent = this.token;
       try {
-        return await this.uploadOnce(file, build, onProgress, signal);
+        return await this.uploadOnce(file, build, options);
       } catch (error) {
         if (error instanceof ConnectionError) this.onLost();
         if (error.status !== 401) throw error;
@@ -151,13 +155,14 @@ export class Api {
     }
   }
 
-  uploadOnce(file, build, onProgress, signal) {
+  uploadOnce(file, build, { digest, onProgress, signal }) {
     return new Promise((resolve, reject) => {
       const request = new XMLHttpRequest();
       request.open('POST', this.url('v1/trees', { build, wait_ms: 0 }));
       for (const [name, value] of Object.entries(this.headers()))
         request.setRequestHeader(name, value);
       request.setRequestHeader('Content-Type', 'application/octet-stream');
+      if (digest) request.setRequestHeader('Content-Digest', `sha-256=:${digest}:`);
       request.upload.onprogress = (event) => onProgress(event.loaded / event.total);
       request.onerror = () => reject(new ConnectionError());
       request.onabort = () => reject(new DOMException('The upload was stopped.', 'AbortError'));

@@ -5,6 +5,7 @@ import { add, cross, dot, length, normalize, scale, sub } from './vector.js';
 const RADIANS = Math.PI / 180;
 const STEEPEST = 89.9 * RADIANS; // at 90 degrees "up" would have no direction in the picture
 
+const FOV_DEG = 40; // as in the contract, when a link does not say it
 const MARGIN = 1.08; // of a framed mesh, so that it does not touch the picture's border
 
 /** For each up axis: what is up, where the front is (azimuth 0), and what is to its right. */
@@ -28,7 +29,7 @@ const VIEWS = {
 export class OrbitCamera {
   constructor() {
     this.upAxis = 'y';
-    this.fovDeg = 40;
+    this.fovDeg = FOV_DEG;
     this.projection = 'perspective';
     this.frame([-1, -1, -1], [1, 1, 1]);
   }
@@ -210,6 +211,8 @@ export class OrbitCamera {
     const up = parseNumbers(parameters.up ?? '0,1,0', 3);
     if (!eye || !target || !up || length(sub(eye, target)) === 0) return false;
     this.upAxis = Math.abs(up[2]) > Math.abs(up[1]) ? 'z' : 'y';
+    const fovDeg = Number(parameters.fov_deg);
+    this.fovDeg = fovDeg > 0 && fovDeg < 180 ? fovDeg : FOV_DEG;
     this.projection =
       parameters.projection === 'orthographic' ? 'orthographic' : 'perspective';
     const { up: axis, front, right } = FRAMES[this.upAxis];

@@ -10,8 +10,10 @@ export class Connection {
    */
   constructor(url, onChange) {
     this.url = url;
+    this.returned = null; // a promise while the server is lost
     this.onChange = onChange;
     this.isLost = false;
+    this.returned = null;
   }
 
   /** To be called when a request had no answer. */
@@ -19,7 +21,12 @@ export class Connection {
     if (this.isLost) return;
     this.isLost = true;
     this.onChange(true);
-    this.waitForReturn();
+    this.returned = this.waitForReturn();
+  }
+
+  /** Resolves when the server is there, or back. */
+  async back() {
+    await this.returned;
   }
 
   async waitForReturn() {

@@ -30,6 +30,18 @@ export class ConnectionError extends Error {
 /** Whether it was the page itself that ended the request. */
 export const isAbort = (error) => error.name === 'AbortError';
 
+/** A file that the server would refuse after it was sent. */
+export class TooLargeError extends Error {
+  constructor(bytes, limit) {
+    super(`The file has ${bytes} bytes; the server takes at most ${limit}.`);
+    this.code = 'mesh_too_large';
+    this.status = 413;
+  }
+}
+
+/** What people look an error up by. The codes of the browser's own errors are numbers. */
+export const errorName = (error) => (typeof error.code === 'string' ? error.code : error.name);
+
 /** Where to look further: line, parameter, request id. */
 export function errorDetails(error) {
   return [

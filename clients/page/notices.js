@@ -1,7 +1,7 @@
 // What the page tells its user: short notes, problems, the loss of the server, and words for those
 // who hear the page.
 import { byId } from './dom.js';
-import { errorDetails, isAbort } from './errors.js';
+import { errorDetails, errorName, isAbort } from './errors.js';
 
 let toastTimer;
 
@@ -16,7 +16,7 @@ export function showToast(text) {
 export function showProblem(error) {
   byId('problem').hidden = !error;
   if (!error) return;
-  byId('problem-code').textContent = error.code ?? error.name;
+  byId('problem-code').textContent = errorName(error);
   byId('problem-detail').textContent = error.message;
   byId('problem-more').textContent = errorDetails(error);
 }

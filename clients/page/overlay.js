@@ -65,7 +65,7 @@ export class Overlay {
     this.project = this.projector();
     if (this.point) this.placeMarker(this.project(this.point));
     const style = getComputedStyle(canvas);
-    context.lineWidth = ratio;
+    context.lineWidth = 1.2 * ratio;
     context.strokeStyle = style.getPropertyValue('--cell-line');
     context.beginPath();
     for (const { min, max } of this.cells) this.box(min, max);

@@ -48,6 +48,11 @@ export class Picture {
     return this.canvas.clientWidth / Math.max(1, this.canvas.clientHeight);
   }
 
+  /** Whether nothing is requested, and nothing is to be. */
+  get isIdle() {
+    return !this.inFlight && !this.isMoving && this.wantedStage() === NONE;
+  }
+
   /** Shows `scene`: {id, camera, query}, or null for nothing. */
   show(scene, { moving = false } = {}) {
     const isOther = this.scene?.id !== scene?.id;
@@ -159,9 +164,11 @@ export class Picture {
       const options = { signal: abort.signal, cache };
       const { blob, headers } = await this.api.render(id, parameters, options);
       const image = await createImageBitmap(blob);
+      abort.signal.throwIfAborted();
       const totalMs = performance.now() - started;
       if (stage === ROUGH) this.steer(totalMs);
       if (this.scene?.id === id) {
+        this.bitmap?.image.close(); // frees its memory now: moving makes many
         this.bitmap = { image, camera };
         this.shown = { version, stage, totalMs };
         this.isNew = false;

@@ -19,10 +19,10 @@ export class Previews {
     this.trees = new WeakMap();
   }
 
-  /** An <img> that fills itself; it says nothing that the words beside it do not say. */
+  /** An element that fills itself; it says nothing that the words beside it do not say. */
   image(tree) {
     const size = { width: WIDTH / 2, height: HEIGHT / 2 };
-    const image = element('img', { alt: '', className: 'preview', ...size });
+    const image = element('img', { alt: '', ...size });
     const known = this.urls.get(tree.mesh.sha256);
     if (known) {
       image.src = known;
@@ -30,7 +30,7 @@ export class Previews {
       this.trees.set(image, tree);
       this.observer.observe(image);
     }
-    return image;
+    return element('span', { className: 'preview' }, image);
   }
 
   seen(entries) {

@@ -55,9 +55,8 @@ export class Stage {
     return this.picture.aspect;
   }
 
-  /** Whether the picture is as good as it gets, or there is none. */
   get isIdle() {
-    return !this.tree || this.canvas.dataset.settled === 'true';
+    return this.picture.isIdle && this.urgent === 0;
   }
 
   /** Shows another tree; null shows none. */

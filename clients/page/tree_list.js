@@ -5,7 +5,7 @@ import { bytesText, shortId, trianglesText } from './text.js';
 
 export class TreeList {
   /**
-   * @param previews gives an <img> for a tree
+   * @param previews gives a small picture of a tree (previews.js)
    * @param onChoose called with the id of a tree that was clicked
    */
   constructor(api, previews, onChoose) {
@@ -43,6 +43,10 @@ export class TreeList {
   remove(id) {
     this.trees = this.trees.filter((tree) => tree.id !== id);
     this.choose(null);
+  }
+
+  get isBuilding() {
+    return this.trees.some((tree) => tree.state === 'building');
   }
 
   firstReady() {

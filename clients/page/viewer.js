@@ -7,6 +7,7 @@ import { Connection } from './connection.js';
 import { addOptions, byId, saveBlob } from './dom.js';
 import { Eta } from './eta.js';
 import { Inspector } from './inspector.js';
+import { closeMenus } from './menus.js';
 import { nameOf, rememberName } from './names.js';
 import { announce, report, showLost, showProblem, showToast, trying } from './notices.js';
 import { Previews } from './previews.js';
@@ -20,9 +21,10 @@ import { TradeoffPanel } from './tradeoff_panel.js';
 import { TreeList } from './tree_list.js';
 import { showTree } from './tree_panel.js';
 import { guessUpAxis } from './up_axis.js';
-import { acceptDrops, Uploads } from './uploads.js';
+import { Uploads } from './uploads.js';
 
 const LIST_EVERY_MS = 15000;
+const BUILDING_LIST_EVERY_MS = 1500;
 const BUILD_POLL_MS = 500;
 
 let chosen = null; // the description of the tree in the picture
@@ -48,6 +50,9 @@ const stage = new Stage(api, {
 const inspector = new Inspector(api, { panel: rayPanel, overlay: stage.overlay, onError: report });
 const tradeoff = new TradeoffPanel(api, { onError: report, onChange: () => writeAddress() });
 const list = new TreeList(api, new Previews(api, () => stage.isIdle), (id) => choose(id));
+const uploads = new Uploads(api, connection, {
+  onTree: trying((tree) => Promise.all([choose(tree.id), list.load()])),
+});
 const tabs = new Tabs(byId('tabs'), () => writeAddress());
 const address = new Address(trying(restore));
 
@@ -301,18 +306,13 @@ function connectionChanged(isLost) {
   stage.picture.retry();
 }
 
-/** The formats that the server reads, in the file chooser and for people. */
-function offerFormats(formats) {
-  byId('file').accept = formats.map((format) => `.${format}`).join();
-  byId('formats').textContent = formats.join(', ').toUpperCase();
-}
-
 function offer(info) {
   byId('version').textContent = info.version;
   settings.offerPrecisions(info.precisions);
   addOptions(byId('build'), info.builds);
   addOptions(byId('rebuild'), info.builds);
-  offerFormats(info.formats);
+  uploads.offerFormats(info.formats);
+  uploads.maxBytes = info.limits.max_upload_bytes;
   inspector.precisions = info.precisions.filter((name) => name !== 'auto');
   maxCells = info.limits.max_picture_cells;
 }
@@ -334,20 +334,6 @@ const start = trying(async () => {
 
 const on = (id, type, work) => byId(id).addEventListener(type, trying(work));
 
-function wireUploads() {
-  const uploads = new Uploads(api, {
-    list: byId('uploads'),
-    chosenBuild: () => byId('build').value,
-    onTree: trying((tree) => Promise.all([choose(tree.id), list.load()])),
-  });
-  acceptDrops(byId('drop'), (files) => uploads.add(files));
-  for (const id of ['choose', 'choose-first']) on(id, 'click', () => byId('file').click());
-  on('file', 'change', () => {
-    uploads.add([...byId('file').files]);
-    byId('file').value = ''; // so that the same file can be chosen again
-  });
-}
-
 function wirePicture() {
   on('projection', 'change', setProjection);
   for (const axis of ['y', 'z']) on(`up-${axis}`, 'change', () => setUpAxis(axis));
@@ -359,11 +345,7 @@ function wirePicture() {
   on('save', 'click', savePicture);
   on('full', 'click', toggleFullScreen);
   byId('full').hidden = !document.fullscreenEnabled;
-  // A menu closes when something else is used.
-  addEventListener('pointerdown', (event) => {
-    for (const menu of document.querySelectorAll('details.menu[open]'))
-      if (!menu.contains(event.target)) menu.open = false;
-  });
+  closeMenus(document.querySelectorAll('details.menu'));
 }
 
 function wireRest() {
@@ -384,12 +366,18 @@ function wireRest() {
   });
   on('help', 'click', () => byId('help-dialog').showModal());
   on('problem-close', 'click', () => showProblem(null));
-  setInterval(() => {
-    if (document.visibilityState === 'visible' && !connection.isLost) trying(() => list.load())();
-  }, LIST_EVERY_MS);
+  keepListFresh();
 }
 
-wireUploads();
+/** Progress in the list is looked at more often. */
+function keepListFresh() {
+  setTimeout(async () => {
+    if (document.visibilityState === 'visible' && !connection.isLost)
+      await trying(() => list.load())();
+    keepListFresh();
+  }, list.isBuilding ? BUILDING_LIST_EVERY_MS : LIST_EVERY_MS);
+}
+
 wirePicture();
 wireRest();
 start();

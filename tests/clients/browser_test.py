@@ -4,6 +4,8 @@ browser_test.py KDRAYD KDRAY. Its neighbours: browser_picture_test.py (cameras a
 browser_inspect_test.py (trees, rays, the trade-off), browser_link_test.py (addresses) and
 browser_wait_test.py (what takes long, and a daemon that is gone).
 """
+import base64
+import hashlib
 import os
 import shutil
 import subprocess
@@ -18,6 +20,12 @@ TOKEN = "sesame-open-please-0123456789abcdef"
 class BrowserTest(PageTest):
     def test_a_chosen_file_becomes_a_picture_and_nothing_is_red_in_the_console(self):
         browser = self.open_page()
+        browser.run("""window.sent = {};
+            const set = XMLHttpRequest.prototype.setRequestHeader;
+            XMLHttpRequest.prototype.setRequestHeader = function (name, value) {
+              sent[name] = value;
+              set.call(this, name, value);
+            };""")
         unique = self.sample("torus.ply")
         os.rename(unique, unique := os.path.join(self.daemon.folder, "ring <b>.ply"))
         browser.type("#file", unique)
@@ -29,6 +37,10 @@ class BrowserTest(PageTest):
         self.assertEqual(self.facts("#health-facts")["Surface"], "closed")
         self.assertEqual(browser.run("return document.querySelectorAll('#uploads li').length"), 0)
         self.assertEqual(browser.errors(), [])
+        # A proxy before several servers finds the mesh's server by it (docs/replicas.md).
+        with open(unique, "rb") as file:
+            digest = base64.b64encode(hashlib.sha256(file.read()).digest()).decode()
+        self.assertEqual(browser.run("return sent['Content-Digest']"), f"sha-256=:{digest}:")
 
     def test_it_offers_what_the_server_has(self):
         browser = self.open_page()
@@ -68,10 +80,19 @@ class BrowserTest(PageTest):
         browser.click("#uploads .failed button")
         self.assertEqual(browser.run("return document.querySelectorAll('#uploads li').length"), 0)
 
+    def test_a_file_above_the_servers_limit_is_not_sent(self):
+        with Daemon(KDRAYD, "--max-upload", "600KiB") as small:
+            browser = self.open_page(url=small.url)
+            browser.type("#file", self.teapot)  # 688 KiB
+            card = browser.wait("return document.querySelector('#uploads .failed')?.textContent")
+            self.assertIn("mesh_too_large", card)
+            self.assertIn("614400", card)
+            self.assertEqual(browser.errors(), [])
+
     def test_the_list_shows_a_small_picture_of_each_tree(self):
         self.kdray("upload", self.sample("cube.ply"))
         browser = self.open_tree()
-        sizes = browser.wait("""const images = [...document.querySelectorAll('#trees .preview')];
+        sizes = browser.wait("""const images = [...document.querySelectorAll('#trees .preview img')];
             return images.length > 1 && images.every((image) => image.complete && image.naturalWidth) &&
                 images.map((image) => [image.naturalWidth, image.naturalHeight])""")
         self.assertEqual(set(map(tuple, sizes)), {(96, 72)})
@@ -104,7 +125,7 @@ class BrowserTest(PageTest):
             browser.wait(SETTLED)
             self.shoot()
             # Pictures of the list are fetched with the token, which a plain <img> could not send.
-            browser.wait("return document.querySelector('#trees .preview').naturalWidth > 0")
+            browser.wait("return document.querySelector('#trees .preview img').naturalWidth > 0")
             self.assertFalse(browser.run("return document.querySelector('#token-dialog').open"))
 
     def test_the_copied_command_renders_the_picture(self):

@@ -39,6 +39,18 @@ class BrowserWaitTest(PageTest):
         browser.wait("return document.querySelectorAll('#uploads li').length === 0")
         self.assertNotEqual(self.text("#tree-name"), "terrain-b.ply")
 
+    def test_an_upload_outlives_the_daemon_that_it_was_sent_to(self):
+        browser = self.open_page()
+        browser.type("#file", self.sample("sphere-middle.ply", "--detail", "150"))
+        browser.wait("return document.querySelector('#uploads').textContent.includes('building')")
+        self.daemon.stop()
+        try:
+            browser.wait("return document.querySelector('#uploads').textContent.includes('waiting for the server')")
+        finally:
+            self.daemon.start()
+        browser.wait("return document.querySelector('#tree-name').textContent === 'sphere-middle.ply'", seconds=60)
+        self.assertEqual(browser.run("return document.querySelectorAll('#uploads li').length"), 0)
+
     def test_the_page_survives_a_daemon_that_is_gone_and_comes_back(self):
         browser = self.open_tree()
         picture = browser.run(FINGERPRINT)

@@ -36,6 +36,30 @@ class Photographer(PageTest):
         self.open_page()
         self.browser.screenshot(os.path.join(FOLDER, "empty.png"))
 
+    def test_troubles(self):
+        browser = self.open_tree()
+        broken = os.path.join(self.daemon.folder, "broken.obj")
+        with open(broken, "w") as file:
+            file.write("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n")
+        browser.type("#file", "\n".join([broken, self.sample("sphere-2M.ply", "--detail", "317")]))
+        browser.wait("return document.querySelector('#uploads').textContent.includes('left')")
+        browser.screenshot(os.path.join(FOLDER, "uploads.png"))
+        browser.run("location.hash = arguments[0]", "#tree=" + "0" * 64 + "-auto")
+        self.wait_shown("#problem")
+        browser.screenshot(os.path.join(FOLDER, "problem.png"))
+        browser.prefer("dark")
+        browser.run("document.querySelector('#drop').hidden = false")
+        browser.screenshot(os.path.join(FOLDER, "drop-dark.png"))
+        browser.run("document.querySelector('#drop').hidden = true")
+        browser.run("document.querySelector('#token-dialog').showModal()")
+        browser.screenshot(os.path.join(FOLDER, "token-dark.png"))
+        browser.run("document.querySelector('#token-dialog').remove()")
+        self.daemon.stop()
+        browser.drag("#canvas", (0, 0), (40, 10))
+        self.wait_shown("#lost")
+        browser.screenshot(os.path.join(FOLDER, "lost-dark.png"))
+        self.daemon.start()
+
     def test_states(self):
         browser = self.open_page()
         shapes = ("torus.ply", "terrain.stl", "cube.obj", "sphere.ply")
