@@ -250,6 +250,16 @@ class PythonTest(unittest.TestCase):
         self.assertEqual(
             self.tree.closest(rays.astype("f4"), "t", dtype="f8").dtype, np.dtype("f8")
         )
+        for kind in (np.float32, "float32", np.dtype("<f4"), "f4"):
+            self.assertEqual(self.tree.closest(rays, "t", dtype=kind).dtype, np.float32)
+        for kind in ("f2", int, "U1"):
+            with self.assertRaisesRegex(ValueError, "dtype must be float32 or float64"):
+                self.tree.closest(rays, "t", dtype=kind)
+        scalars = dict(t_min=np.float64(0.1), t_max=np.float32(2.5), deadline_ms=np.int64(30000))
+        limited = self.tree.closest(rays, **scalars)
+        np.testing.assert_array_equal(limited, self.tree.closest(rays, t_min=0.1, t_max=2.5))
+        with self.assertRaises(TypeError):
+            self.tree.closest(rays, t_max=[1, 2])
         one = self.tree.closest(rays[0])
         self.assertEqual((one.shape, float(one["t"])), ((), expected["t"][0]))
         for same in (
@@ -386,6 +396,8 @@ class PythonTest(unittest.TestCase):
             self.tree.visibility(sources, targets, to_directions=True), ~self.tree.any(rays)
         )
         self.assertEqual(self.tree.visibility([0, 9, 0], [0, 8, 0]).tolist(), [[True]])
+        lines = self.tree.visibility(sources, targets, to_directions=np.bool_(False))
+        np.testing.assert_array_equal(lines, expected)
         with self.assertRaises(ValueError):
             self.tree.visibility(np.zeros((2, 2, 3)), targets)
 

@@ -12,7 +12,7 @@ from .batches import BatchInfo, block_rows, blocks
 from .npy import Array, as_rows, body_of, join, read_array
 from .progress import ProgressLike, Reporter
 from .transport import Flight, Parameter
-from .words import Cull, DType, Fields, Interval, PointPrecision, Precision
+from .words import Cull, Fields, Interval, PointPrecision, Precision
 
 if TYPE_CHECKING:
     from .client import Client
@@ -53,7 +53,7 @@ class Queries:
         t_min: Optional[Interval] = None,
         t_max: Optional[Interval] = None,
         cull: Optional[Cull] = None,
-        dtype: Optional[DType] = None,
+        dtype: Optional[npt.DTypeLike] = None,
         deadline_ms: Optional[int] = None,
         progress: ProgressLike = None,
         info: Optional[BatchInfo] = None,
@@ -73,7 +73,7 @@ class Queries:
                 t_min=t_min,
                 t_max=t_max,
                 cull=cull,
-                dtype=dtype,
+                dtype=dtype_text(dtype),
                 deadline_ms=deadline_ms,
             ),
             progress,
@@ -110,7 +110,7 @@ class Queries:
         t_min: Optional[Interval] = None,
         t_max: Optional[Interval] = None,
         cull: Optional[Cull] = None,
-        dtype: Optional[DType] = None,
+        dtype: Optional[npt.DTypeLike] = None,
         deadline_ms: Optional[int] = None,
         progress: ProgressLike = None,
         info: Optional[BatchInfo] = None,
@@ -125,7 +125,7 @@ class Queries:
                 t_min=t_min,
                 t_max=t_max,
                 cull=cull,
-                dtype=dtype,
+                dtype=dtype_text(dtype),
                 deadline_ms=deadline_ms,
             ),
             progress,
@@ -142,7 +142,7 @@ class Queries:
         t_min: Optional[Interval] = None,
         t_max: Optional[Interval] = None,
         cull: Optional[Cull] = None,
-        dtype: Optional[DType] = None,
+        dtype: Optional[npt.DTypeLike] = None,
         deadline_ms: Optional[int] = None,
         progress: ProgressLike = None,
         info: Optional[BatchInfo] = None,
@@ -166,7 +166,7 @@ class Queries:
                 t_min=t_min,
                 t_max=t_max,
                 cull=cull,
-                dtype=dtype,
+                dtype=dtype_text(dtype),
                 deadline_ms=deadline_ms,
             ),
             progress,
@@ -182,7 +182,7 @@ class Queries:
         fields: Fields = "distance,point,triangle,u,v",
         *,
         precision: Optional[PointPrecision] = None,
-        dtype: Optional[DType] = None,
+        dtype: Optional[npt.DTypeLike] = None,
         deadline_ms: Optional[int] = None,
         progress: ProgressLike = None,
         info: Optional[BatchInfo] = None,
@@ -193,7 +193,10 @@ class Queries:
             "points",
             points,
             dict(
-                fields=field_text(fields), precision=precision, dtype=dtype, deadline_ms=deadline_ms
+                fields=field_text(fields),
+                precision=precision,
+                dtype=dtype_text(dtype),
+                deadline_ms=deadline_ms,
             ),
             progress,
             info,
@@ -204,7 +207,7 @@ class Queries:
         points: npt.ArrayLike,
         *,
         precision: Optional[PointPrecision] = None,
-        dtype: Optional[DType] = None,
+        dtype: Optional[npt.DTypeLike] = None,
         deadline_ms: Optional[int] = None,
         progress: ProgressLike = None,
         info: Optional[BatchInfo] = None,
@@ -214,7 +217,7 @@ class Queries:
             "points/signed-distance",
             "points",
             points,
-            dict(precision=precision, dtype=dtype, deadline_ms=deadline_ms),
+            dict(precision=precision, dtype=dtype_text(dtype), deadline_ms=deadline_ms),
             progress,
             info,
         )
@@ -383,6 +386,16 @@ def warn_of_truncation(info: BatchInfo, most: int) -> None:
             f"{info.truncated} rays have more than {most} hits, of which the nearest are kept{more}",
             stacklevel=3,
         )
+
+
+def dtype_text(dtype: Optional[npt.DTypeLike]) -> Optional[str]:
+    """f4 or f8, of whatever NumPy takes as a dtype."""
+    if dtype is None:
+        return None
+    text = np.dtype(dtype).str[1:]
+    if text not in ("f4", "f8"):
+        raise ValueError(f"dtype must be float32 or float64, not {dtype}")
+    return text
 
 
 def field_text(fields: Fields) -> str:

@@ -13,7 +13,7 @@ import ssl
 import threading
 import time
 from dataclasses import dataclass
-from typing import Callable, Dict, Iterable, List, Mapping, Optional, Set, Tuple, Union
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Set, Tuple, Union
 from urllib.parse import quote, urlencode, urlsplit
 
 from .errors import ConnectionFailed, Error, Problem
@@ -96,10 +96,14 @@ class Flight:
         return self._aborted.is_set()
 
 
-def parameter_text(value: Parameter) -> str:
-    """A parameter as the contract writes it."""
+def parameter_text(value: Any) -> str:
+    """A parameter as the contract writes it. NumPy's scalars are taken as Python's."""
+    if hasattr(value, "item") and getattr(value, "ndim", None) == 0:
+        value = value.item()
     if isinstance(value, bool):
         return "true" if value else "false"
+    if not isinstance(value, (int, float, str)):
+        raise TypeError(f"a parameter is a number, a text or a bool, not {type(value).__name__}")
     return repr(value) if isinstance(value, float) else str(value)
 
 

@@ -9,7 +9,6 @@ Build = Literal["auto", "kd-sah", "kd-binned", "kd-cyclic", "kd-median", "bvh", 
 Precision = Literal["auto", "fast", "watertight", "double", "exact"]
 PointPrecision = Literal["auto", "double", "exact"]
 Cull = Literal["none", "back", "front"]
-DType = Literal["f4", "f8"]
 Mode = Literal["shaded", "normal", "depth", "triangle", "ambient-occlusion", "cost"]
 ArrayMode = Literal[
     "shaded", "normal", "depth", "triangle", "ambient-occlusion", "cost", "position"
