@@ -65,8 +65,8 @@ def pretty(value, indent=""):
 
 
 def target_of(sample):
-    """Attributes with which a script repeats a curl command; none for those with a local file."""
-    if "@" in sample or not (url := re.search(r"\$KDRAY(/[^\s\"]*)", sample)):
+    """Attributes with which a script repeats a curl command; none for those that need a local file, or delete."""
+    if "@" in sample or "DELETE" in sample or not (url := re.search(r"\$KDRAY(/[^\s\"]*)", sample)):
         return ""
     body = re.search(r"-d '([^']*)'", sample)
     method = re.search(r"-X (\w+)", sample)

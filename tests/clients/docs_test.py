@@ -65,12 +65,18 @@ class DocsTest(unittest.TestCase):
     def check_layout(self, browser):
         """Nothing is wider than the window, and each entry of the contents leads to its heading."""
         wide = browser.run("""const width = document.documentElement.clientWidth;
-            return [...document.querySelectorAll('body *')].filter(e => !e.closest('pre')
+            return [...document.querySelectorAll('body *')].filter(e => !e.closest('pre') && e.checkVisibility()
                 && e.getBoundingClientRect().right > width + 1).map(e => e.outerHTML.slice(0, 200));""")
         self.assertEqual(wide[:3], [])
         self.assertEqual(browser.run("""return [...document.querySelectorAll('nav a')]
             .filter(a => !document.querySelector(a.getAttribute('href'))).map(a => a.href);"""), [])
         self.assertGreater(browser.run("return document.querySelectorAll('nav a').length"), 50)
+
+    @staticmethod
+    def resize(browser, width, height):
+        """A window cannot be as narrow as a phone, but the browser can pretend that its screen is."""
+        browser.command("POST", "/goog/cdp/execute", {"cmd": "Emulation.setDeviceMetricsOverride", "params": {
+            "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}})
 
     def check_console(self, browser):
         self.assertEqual([line["message"] for line in browser.console()], [])
@@ -79,9 +85,7 @@ class DocsTest(unittest.TestCase):
     def test_the_page_fits_a_desktop_and_a_phone(self):
         for width, height in ((1440, 900), (800, 900), (390, 844)):
             with self.subTest(width=width), Browser(width, height) as browser:
-                # A window cannot be as narrow as a phone, but the browser can pretend that its screen is.
-                browser.command("POST", "/goog/cdp/execute", {"cmd": "Emulation.setDeviceMetricsOverride", "params": {
-                    "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}})
+                self.resize(browser, width, height)
                 browser.open(self.daemon.url + "/docs#raysClosest")
                 self.check_layout(browser)
                 top = browser.run("return document.getElementById('raysClosest').getBoundingClientRect().top")
@@ -112,6 +116,8 @@ class DocsTest(unittest.TestCase):
             image = "#getRenderPng ~ .try"
             browser.run(f"document.querySelector('{image} button').click()")
             browser.wait(f"return document.querySelector('{image} img')?.naturalWidth === 800")
+            self.resize(browser, 390, 844)
+            self.check_layout(browser)
             # The one refusal is that of the page's first request, which has no token yet.
             refused = [line["message"] for line in browser.console() if "401" not in line["message"]]
             self.assertEqual(refused, [])
