@@ -111,9 +111,10 @@ class PythonAdaptorsTest(unittest.TestCase):
     def test_open3d(self):
         ours = adaptor_cases.open3d_answers(self.scene, lambda array: array)
         for origin, theirs in self.expected("open3d", adaptor_cases.real_open3d):
-            self.assertEqual(ours.keys(), theirs.keys())
             casts = not origin.startswith("Open3D 0.16")  # that of Debian 12 misses every ray
-            for name, array in ours.items():
+            self.assertTrue(theirs.keys() == ours.keys() if casts else theirs.keys() <= ours.keys())
+            for name in theirs:
+                array = ours[name]
                 with self.subTest(origin=origin, answer=name):
                     other = theirs[name]
                     self.assertEqual(array.dtype, other.dtype)
@@ -122,13 +123,11 @@ class PythonAdaptorsTest(unittest.TestCase):
                     ):
                         continue
                     self.assertEqual(array.shape, other.shape)
-                    if (
-                        name.startswith("list") and name != "list.ray_splits"
-                    ):  # theirs are in no order
+                    # Their hits of a ray are in no order.
+                    if name.startswith("list") and name != "list.ray_splits":
                         array, other = (part[name][self.order(part)] for part in (ours, theirs))
-                    if name.startswith(
-                        "closest.primitive"
-                    ):  # of several closest triangles, they take any
+                    # Of several closest triangles, they take any.
+                    if name.startswith("closest.primitive"):
                         inner = self.is_inner(ours) & self.is_inner(theirs)
                         self.assertGreater(inner.mean(), 0.3)
                         array, other = array[inner], other[inner]
