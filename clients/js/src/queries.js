@@ -3,7 +3,7 @@
 import { inParallel, partsOf, rowsOfARequest } from './batches.js';
 import { copyColumn, decode, encodeRows, makeColumn, plainArray } from './npy.js';
 import { sameType, slice } from './rows.js';
-import { wireFields, wireName } from './transport.js';
+import { unlessAborted, wireFields, wireName } from './transport.js';
 
 /** @typedef {import('./client.js').Client} Client */
 /** @typedef {import('./rows.js').Rows} Rows */
@@ -17,9 +17,12 @@ const NPY = 'application/x-npy';
 
 /** Options of the client, which the server does not know. @param {Record<string, any>} options */
 function split({ signal, batchRows, columns, ...fields }) {
-  if (Array.isArray(fields.fields)) fields.fields = fields.fields.map(wireName);
+  if (fields.fields !== undefined) fields.fields = namesOf(fields.fields).map(wireName);
   return { signal, batchRows, query: wireFields(fields) };
 }
+
+/** A list, or names with commas between them, as in the contract. @param {string[] | string} fields @returns {string[]} */
+const namesOf = (fields) => (typeof fields === 'string' ? fields.split(',') : fields);
 
 /**
  * @param {Client} client
@@ -47,7 +50,7 @@ async function ask(client, path, query, body, signal) {
  */
 async function batch(client, path, rows, options, take, perRow = true) {
   const { signal, batchRows, query } = split(options);
-  const { limits } = await client.capabilities();
+  const { limits } = await unlessAborted(client.capabilities(), signal);
   const parts = partsOf(rows.count, rowsOfARequest(limits, batchRows));
   const answers = await inParallel(parts, client.parallel, signal, async ({ first, end }, stop) => {
     const part = slice(rows, first, end);
@@ -109,7 +112,7 @@ export async function valuesOf(client, path, rows, options) {
  * @param {string[]} defaults the fields that the server answers without the option
  */
 export async function columnsOf(client, path, rows, options, defaults) {
-  const names = options.fields ?? defaults;
+  const names = namesOf(options.fields ?? defaults);
   /** @type {Record<string, Column>} */
   const columns = {};
   const { report } = await batch(client, path, rows, options, ({ array, first }) => {
@@ -142,7 +145,7 @@ function fieldsOf(array, names) {
  * @param {string[]} defaults
  */
 export async function hitsOf(client, path, rows, options, defaults) {
-  const names = ['ray', ...(options.fields ?? defaults)];
+  const names = ['ray', ...namesOf(options.fields ?? defaults)];
   const { results, report, truncated } = await batch(client, path, rows, options, (part) => part, false);
   const count = results.reduce((total, { array }) => total + array.shape[0], 0);
   /** @type {Record<string, Column>} */
@@ -173,7 +176,7 @@ export async function hitsOf(client, path, rows, options, defaults) {
 export async function pairsOf(client, path, fromRows, toRows, options) {
   const [from, to] = sameType(fromRows, toRows);
   const { signal, batchRows, query } = split(options);
-  const { limits } = await client.capabilities();
+  const { limits } = await unlessAborted(client.capabilities(), signal);
   const most = rowsOfARequest(limits, batchRows);
   const across = partsOf(to.count, most);
   const widest = Math.max(1, ...across.map(({ first, end }) => end - first));

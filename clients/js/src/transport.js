@@ -176,6 +176,28 @@ export function pause(milliseconds, signal) {
 }
 
 /**
+ * What `promise` gives; throws the signal's reason if it is aborted before. For work that several
+ * callers share, which no single one may end.
+ * @template Result
+ * @param {Promise<Result>} promise
+ * @param {AbortSignal} [signal]
+ * @returns {Promise<Result>}
+ */
+export async function unlessAborted(promise, signal) {
+  const own = linkedTo(signal);
+  const aborted = new Promise((_, reject) => {
+    const abort = () => reject(signal?.reason);
+    if (own.signal.aborted) abort();
+    else own.signal.addEventListener('abort', abort, { once: true });
+  });
+  try {
+    return await /** @type {Promise<Result>} */ (Promise.race([promise, aborted]));
+  } finally {
+    own.unlink();
+  }
+}
+
+/**
  * Options of JavaScript as fields of the contract: fovDeg is fov_deg, and absent values are left out.
  * @param {Record<string, unknown>} options
  * @returns {Record<string, unknown>}

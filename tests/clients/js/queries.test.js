@@ -140,6 +140,8 @@ test('one field alone is a column too, also of vectors', async () => {
     assert.deepEqual(alone[field], both[field], field);
     assert.equal('u' in alone, false);
   }
+  const text = await tree.closest(rays, { fields: 't,side' });
+  assert.deepEqual([text.t.length, text.side.length], [rays.length, rays.length]);
 });
 
 test('closest points and signed distances agree with brute force', async () => {

@@ -174,6 +174,19 @@ test('an aborted signal ends a batch at once, with its reason', async () => {
   await assert.rejects(treeOf().any(rows(1), { signal: AbortSignal.timeout(20) }), { name: 'TimeoutError' });
 });
 
+test('an aborted signal does not wait for the limits of a silent server', async () => {
+  const silent = createServer(() => {});
+  await new Promise((resolve) => silent.listen(0, '127.0.0.1', resolve));
+  const client = new Client(`http://127.0.0.1:${silent.address().port}`, { retries: 0 });
+  const tree = new Tree(client, { id: ID, state: 'ready', progress: 1, mesh: {} });
+  const start = performance.now();
+  await assert.rejects(tree.any(rows(1), { signal: AbortSignal.timeout(30) }), { name: 'TimeoutError' });
+  await assert.rejects(tree.visibility([], [], { signal: AbortSignal.timeout(30) }), { name: 'TimeoutError' });
+  assert.ok(performance.now() - start < 2000);
+  silent.closeAllConnections();
+  silent.close();
+});
+
 test('an aborted signal ends the pause before another try', async () => {
   answer = async (request, response) => problem(response, 503, 'overloaded', { 'Retry-After': '9' });
   const start = performance.now();
