@@ -65,17 +65,38 @@ install(CODE "
 " COMPONENT kdray)
 install(FILES package/sysusers.conf RENAME kdray.conf DESTINATION lib/sysusers.d COMPONENT kdray)
 
-install(FILES README.md CHANGELOG.md package/copyright DESTINATION "${CMAKE_INSTALL_DOCDIR}" COMPONENT kdray)
+install(FILES README.md package/copyright DESTINATION "${CMAKE_INSTALL_DOCDIR}" COMPONENT kdray)
 install(FILES package/haproxy.cfg DESTINATION "${CMAKE_INSTALL_DOCDIR}/examples" COMPONENT kdray)
 install(FILES package/copyright DESTINATION "${CMAKE_INSTALL_DATADIR}/doc/libkdray-dev" COMPONENT dev)
 
-# ---- Debian packages: cpack --preset package ----
-# The version of Debian is part of the package's, because its dependencies are those of that release.
-set(debian "")
+# ---- what changed, under the names that Debian gives these files ----
+file(STRINGS CHANGELOG.md released REGEX "^## ${PROJECT_VERSION} [(]")
+string(REGEX REPLACE ".*[(](.*)[)].*" "\\1" released "${released}")
+execute_process(COMMAND date -u -R -d "${released}" OUTPUT_VARIABLE released OUTPUT_STRIP_TRAILING_WHITESPACE)
+set(debian_release "")
 if(EXISTS /etc/os-release)
-  file(STRINGS /etc/os-release debian REGEX "^VERSION_ID=")
-  string(REGEX REPLACE "[^0-9.]" "" debian "${debian}")
+  file(STRINGS /etc/os-release debian_release REGEX "^VERSION_ID=")
+  string(REGEX REPLACE "[^0-9.]" "" debian_release "${debian_release}")
 endif()
+# The release of Debian is part of the package's version, because its dependencies are those of that release.
+set(package_release "1+deb${debian_release}")
+file(WRITE "${documents}/changelog.Debian"
+  "kdray (${PROJECT_VERSION}-${package_release}) unstable; urgency=medium\n\n  * changelog.gz says what changed.\n\n"
+  " -- kdray authors <kdray@example.org>  ${released}\n")
+add_custom_command(
+  OUTPUT "${documents}/changelog.gz" "${documents}/changelog.Debian.gz"
+  COMMAND "${KDRAY_GZIP}" -9nkf "${documents}/changelog.Debian"
+  COMMAND "${KDRAY_GZIP}" -9nc "${PROJECT_SOURCE_DIR}/CHANGELOG.md" > "${documents}/changelog.gz"
+  DEPENDS "${PROJECT_SOURCE_DIR}/CHANGELOG.md" "${documents}/changelog.Debian"
+  COMMENT "Writing the changelogs of the packages")
+add_custom_target(changelogs ALL DEPENDS "${documents}/changelog.gz")
+foreach(package IN ITEMS kdray libkdray-dev)
+  string(REGEX REPLACE "^lib.*-" "" component ${package})
+  install(FILES "${documents}/changelog.gz" "${documents}/changelog.Debian.gz"
+    DESTINATION "${CMAKE_INSTALL_DATADIR}/doc/${package}" COMPONENT ${component})
+endforeach()
+
+# ---- Debian packages: cpack --preset package ----
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME kdray)
 set(CPACK_PACKAGE_CONTACT "kdray authors <kdray@example.org>")
@@ -85,21 +106,21 @@ set(CPACK_STRIP_FILES ON)
 set(CPACK_COMPONENTS_ALL kdray dev)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
-set(CPACK_DEBIAN_PACKAGE_RELEASE "1+deb${debian}")
+set(CPACK_DEBIAN_PACKAGE_RELEASE "${package_release}")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_KDRAY_PACKAGE_NAME kdray)
 set(CPACK_DEBIAN_KDRAY_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_KDRAY_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_KDRAY_PACKAGE_DEPENDS "passwd, init-system-helpers")
+set(CPACK_DEBIAN_KDRAY_PACKAGE_DEPENDS passwd)
 set(CPACK_DEBIAN_KDRAY_PACKAGE_SUGGESTS "haproxy, libkdray-dev")
 set(CPACK_COMPONENT_KDRAY_DESCRIPTION "ray queries and renders over triangle meshes
- The daemon kdrayd answers ray and point queries over triangle meshes and
- renders them, by HTTP. The command kdray uploads meshes and asks it.")
+The daemon kdrayd answers ray and point queries over triangle meshes and
+renders them, by HTTP. The command kdray uploads meshes and asks it.")
 set(CPACK_DEBIAN_KDRAY_PACKAGE_CONTROL_EXTRA
   "${PROJECT_SOURCE_DIR}/package/deb/postinst;${PROJECT_SOURCE_DIR}/package/deb/prerm;${PROJECT_SOURCE_DIR}/package/deb/postrm;${PROJECT_SOURCE_DIR}/package/deb/conffiles")
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME libkdray-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "libcpp-httplib-dev, libssl-dev, pkg-config")
 set(CPACK_COMPONENT_DEV_DESCRIPTION "client library of kdray for C++
- Headers, a static library and a CMake configuration: find_package(kdray).")
+Headers, a static library and a CMake configuration: find_package(kdray).")
 include(CPack)

@@ -31,6 +31,7 @@ class ImageTest(unittest.TestCase):
         labels = pairs("LABEL")
         version = re.search(r"project\(kdray VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text())[1]
         self.assertEqual(labels["org.opencontainers.image.version"], version)
+        self.assertRegex((ROOT / "CHANGELOG.md").read_text(), rf"(?m)^## {re.escape(version)} \(\d{{4}}-\d\d-\d\d\)$")
         self.assertEqual(labels["org.opencontainers.image.licenses"], "Apache-2.0")
         for name in ("title", "description"):
             self.assertTrue(labels["org.opencontainers.image." + name])
