@@ -193,10 +193,14 @@ export class OrbitCamera {
 
   /** The camera's part of a render request. */
   parameters() {
+    // Ten digits of the distance, so that a mesh far from the origin turns smoothly too.
+    const largest = Math.max(...this.target.map(Math.abs));
+    const digits = Math.min(17, 10 + Math.max(0, Math.ceil(Math.log10(largest / this.distance))));
+    const vectorText = (vector) => vector.map((x) => numberText(x, digits)).join(',');
     const parameters = {
       eye: vectorText(this.eye),
       target: vectorText(this.target),
-      up: vectorText(this.up),
+      up: this.up.join(),
       projection: this.projection,
     };
     if (this.projection === 'orthographic') parameters.view_height = numberText(this.viewHeight);
@@ -234,9 +238,8 @@ export class OrbitCamera {
   }
 }
 
-/** Ten digits: a mesh far from the origin still turns smoothly, and URLs stay readable. */
-export const numberText = (number) => String(Number(number.toPrecision(10)));
-export const vectorText = (vector) => vector.map(numberText).join(',');
+/** Not all digits: URLs stay readable. */
+export const numberText = (number, digits = 10) => String(Number(number.toPrecision(digits)));
 
 /** `count` numbers between commas; null for any other text. */
 export function parseNumbers(text, count) {

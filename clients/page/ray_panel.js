@@ -6,6 +6,9 @@ import { countText, pointText, shortNumber } from './text.js';
 const STRIP_WIDTH = 280;
 const STRIP_HEIGHT = 34;
 
+// Of t: by so much the precisions that compute in float may place a hit before its cell.
+const SLACK = 1e-6;
+
 const SIDES = { 1: 'front', '-1': 'back' };
 
 /** `hit` as the service answers it. */
@@ -71,7 +74,7 @@ const errorText = (difference) => (difference === 0 ? '0' : difference.toExponen
 
 /** @param cells those on the ray's way, with the intervals in which it is in them */
 export function showCells(cells, depth, hit) {
-  const passed = hit ? cells.filter(({ from }) => from <= hit.t) : cells;
+  const passed = cells.filter((cell) => isReached(cell, hit));
   const triangles = passed.reduce((sum, cell) => sum + cell.triangles, 0);
   byId('ray-cells').hidden = false;
   byId('ray-cells-words').textContent =
@@ -80,6 +83,8 @@ export function showCells(cells, depth, hit) {
     ` In them are ${countText(triangles)} triangles.`;
   byId('ray-cells-strip').replaceChildren(...(cells.length > 0 ? [strip(cells, hit)] : []));
 }
+
+const isReached = ({ from }, hit) => !hit || from <= hit.t * (1 + SLACK);
 
 const cellsText = (number) => (number === 1 ? '1 cell' : `${countText(number)} cells`);
 
@@ -95,7 +100,7 @@ function strip(cells, hit) {
     return svg(
       'rect',
       {
-        class: hit && cell.from > hit.t ? 'beyond' : '',
+        class: isReached(cell, hit) ? '' : 'beyond',
         x: left,
         y: STRIP_HEIGHT - height,
         width: Math.max(0.5, x(cell.to) - left - 0.6),

@@ -54,11 +54,15 @@ export class TreeList {
   }
 
   show() {
+    // Made anew only if something changed: elements that stay keep the focus and do not flicker.
+    const facts = this.trees.map(({ id, state, progress }) => [id, nameOf(id), state, progress]);
+    const signature = JSON.stringify([this.chosenId, this.next, facts]);
+    if (signature === this.signature) return;
+    this.signature = signature;
     byId('more').hidden = !this.next;
     const items = this.trees.map((tree) => this.item(tree));
     if (items.length === 0)
       items.push(element('li', { className: 'quiet', textContent: 'None yet.' }));
-    // Elements are made anew, so the focus has to be put back.
     const focused = document.activeElement?.dataset.tree;
     byId('trees').replaceChildren(...items);
     if (focused) byId('trees').querySelector(`[data-tree="${focused}"]`)?.focus();

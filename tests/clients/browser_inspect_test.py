@@ -13,7 +13,8 @@ class BrowserInspectTest(PageTest):
 
     def hits(self, **options):
         query = "&".join(f"{name}={value}" for name, value in options.items())
-        return self.ask(f"/v1/trees/{self.tree}/rays/closest?{query}", {"rays": [self.ray()]})["results"][0]
+        path = f"/v1/trees/{self.tree}/rays/closest?{query}"
+        return self.ask(path, {"rays": [self.ray()]})["results"][0]
 
     def test_the_panel_of_a_ray_says_what_the_service_answers(self):
         self.open_tree()
@@ -23,7 +24,8 @@ class BrowserInspectTest(PageTest):
         self.assertEqual(facts["Triangle"].replace(",", ""), str(hit["triangle"]))
         self.assertEqual(facts["Side"], {1: "front", -1: "back"}[hit["side"]])
         self.assertAlmostEqual(float(facts["Distance t"]), hit["t"], delta=1e-8 * hit["t"])
-        np.testing.assert_allclose([float(x) for x in facts["Point"].split(",")], hit["point"], rtol=1e-5, atol=1e-5)
+        point = [float(x) for x in facts["Point"].split(",")]
+        np.testing.assert_allclose(point, hit["point"], rtol=1e-5, atol=1e-5)
         count = self.ask(f"/v1/trees/{self.tree}/rays/count", {"rays": [self.ray()]})["results"][0]
         self.assertEqual(facts["Crossings"], str(count))
 
@@ -39,14 +41,16 @@ class BrowserInspectTest(PageTest):
                 self.assertEqual(triangle.replace(",", ""), str(hit["triangle"]))
                 self.assertAlmostEqual(float(t), hit["t"], delta=1e-11 * hit["t"])
                 if precision != "exact":
-                    self.assertAlmostEqual(float(error), hit["t"] - exact["t"], delta=0.06 * abs(float(error)))
+                    difference = hit["t"] - exact["t"]
+                    self.assertAlmostEqual(float(error), difference, delta=0.06 * abs(difference))
         self.browser.choose("#precision", "exact")
-        self.browser.wait("return document.querySelector('#hit-facts').textContent.includes('exact')")
+        self.wait_text("#hit-facts", "exact")
 
     def test_it_names_the_group_of_a_hit(self):
         mesh = f"{self.daemon.folder}/groups.obj"
         with open(mesh, "w") as file:
-            file.write("v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\no lower\nf 1 2 3\no upper & <left>\nf 1 3 4\n")
+            file.write("v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\n"
+                       "o lower\nf 1 2 3\no upper & <left>\nf 1 3 4\n")
         browser = self.open_tree(mesh)
         self.assertIn("Groups (2)", self.text("#groups"))
         browser.choose("#side", "top")  # what is flat lies on the ground
@@ -70,24 +74,27 @@ class BrowserInspectTest(PageTest):
                                     {"origin": origin.tolist(), "direction": direction.tolist()})
                 inside = [np.all((lows < point) & (point < highs), axis=1)
                           for point in origin + np.linspace(0, 20, 20001)[:, None] * direction]
-                met = {tuple(lows[i]) + tuple(highs[i]) for i in np.flatnonzero(np.any(inside, axis=0))}
-                answered = [tuple(cell["min"]) + tuple(cell["max"]) for cell in found]
-                self.assertLessEqual(met, set(answered))
+                boxes = np.hstack([lows, highs])
+                met = set(map(tuple, boxes[np.any(inside, axis=0)]))
+                self.assertLessEqual(met, {(*cell["min"], *cell["max"]) for cell in found})
                 self.assertGreater(len(found), 3)
                 for cell in found:
                     middle = origin + 0.5 * (cell["from"] + cell["to"]) * direction
-                    self.assertTrue(np.all((np.array(cell["min"]) <= middle) & (middle <= np.array(cell["max"]))))
-                self.assertEqual([cell["from"] for cell in found], sorted(cell["from"] for cell in found))
+                    self.assertTrue(np.all(np.array(cell["min"]) <= middle))
+                    self.assertTrue(np.all(middle <= np.array(cell["max"])))
+                entries = [cell["from"] for cell in found]
+                self.assertEqual(entries, sorted(entries))
 
     def test_the_cells_that_a_ray_passes_follow_the_depth_of_the_picture(self):
         browser = self.open_tree()
         self.shoot()
         self.assertIn("cells", self.text("#ray-cells-words"))
         self.change(lambda: browser.choose("#cells", "4"))
-        browser.wait("return document.querySelector('#ray-cells-words').textContent.startsWith('At depth 4 ')")
-        self.assertGreater(browser.run("return document.querySelectorAll('#ray-cells-strip rect').length"), 1)
+        self.wait_text("#ray-cells-words", "At depth 4 ")
+        self.assertGreater(self.count("#ray-cells-strip rect"), 1)
         drawn = browser.run("""const canvas = document.querySelector('#overlay');
-            return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.some((x) => x > 0)""")
+            return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height)
+                .data.some((x) => x > 0)""")
         self.assertTrue(drawn)
         browser.click("#clear-ray")
         self.assertFalse(self.is_shown("#marker"))
@@ -106,7 +113,8 @@ class BrowserInspectTest(PageTest):
         self.assertEqual(len(bars), len(tree["leaf_histogram"]))
         peak = int(np.argmax(tree["leaf_histogram"]))
         self.assertEqual(int(np.argmax(bars)), peak)
-        self.assertEqual([bar > 0 for bar in bars], [number > 0 for number in tree["leaf_histogram"]])
+        leaves = tree["leaf_histogram"]
+        self.assertEqual([bar > 0 for bar in bars], [number > 0 for number in leaves])
 
     def test_the_slider_never_asks_for_more_cells_than_a_picture_may_have(self):
         browser = self.open_tree()
@@ -122,9 +130,8 @@ class BrowserInspectTest(PageTest):
         before, after = self.change(lambda: browser.click("#show-cost"))
         self.assertNotEqual(before, after)
         self.assertTrue(self.is_shown("#legend"))
-        labels = browser.run("return [...document.querySelectorAll('#legend-labels span')].map((e) => e.textContent)")
         # The contract's level is log2(1 + cost) / 10.
-        self.assertEqual(labels, ["0", "5", "31", "180", "1023+"])
+        self.assertEqual(self.texts("#legend-labels span"), ["0", "5", "31", "180", "1023+"])
         self.change(lambda: browser.choose("#mode", "depth"))
         self.assertIn("Distance", self.text("#legend"))
         self.change(lambda: browser.choose("#mode", "shaded"))
@@ -134,14 +141,16 @@ class BrowserInspectTest(PageTest):
         browser = self.open_tree(self.sample("cube.ply"))
         browser.click("#tab-tradeoff")
         browser.run("""window.parts = [];
-            new MutationObserver(() => parts.push(document.querySelector('#tradeoff-part').textContent))
-                .observe(document.querySelector('#tradeoff-part'), {childList: true});""")
+            const part = document.querySelector('#tradeoff-part');
+            new MutationObserver(() => parts.push(part.textContent)).observe(part, {childList: true});
+            """)
         browser.click("#measure")
-        browser.wait("return document.querySelector('#tradeoff-result').checkVisibility()", seconds=60)
+        self.wait_shown("#tradeoff-result", seconds=60)
         self.assertTrue(any("%" in part for part in browser.run("return window.parts")))
         results = self.ask(f"/v1/trees/{self.tree}/tradeoff")["results"]
         rows = self.table("#tradeoff-table")
-        self.assertEqual([row[0] for row in rows], [f"{row['build']} {row['precision']}" for row in results])
+        names = [f"{row['build']} {row['precision']}" for row in results]
+        self.assertEqual([row[0] for row in rows], names)
         self.assertEqual([row[3] for row in rows], [str(row["leaks"]["count"]) for row in results])
         marks = "return document.querySelectorAll('#tradeoff-plot > svg .mark').length"
         self.assertEqual(browser.run(marks), len(results))
@@ -162,7 +171,7 @@ class BrowserInspectTest(PageTest):
         browser.click("#stop")
         self.wait_shown("#tradeoff-start")
         browser.click("#look")
-        browser.wait("return document.querySelector('#tradeoff-words').textContent.includes('not been measured')")
+        self.wait_text("#tradeoff-words", "not been measured")
 
 
 if __name__ == "__main__":

@@ -58,13 +58,15 @@ class BrowserLinkTest(PageTest):
         steps[1] = self.settle(lambda: browser.drag("#canvas", (0, 0), (50, 10)))
         steps.append(self.settle(lambda: browser.click(f"[data-tree='{other}']")))
         self.assertEqual(len(set(map(tuple, steps))), 3)
-        for direction, expected in ((browser.back, 1), (browser.back, 0), (browser.forward, 1), (browser.forward, 2)):
+        for direction, expected in ((browser.back, 1), (browser.back, 0),
+                                    (browser.forward, 1), (browser.forward, 2)):
             self.assertEqual(self.settle(direction), steps[expected])
         self.assertEqual(self.text("#tree-id"), other)
         self.assertEqual(browser.run("return document.querySelector('#mode').value"), "normal")
 
     def test_what_a_link_says_wrongly_is_ignored(self):
-        browser = self.open_tree(fragment="&mode=position&cells_depth=-7&sun=a,b&eye=1,2&ray=1,2,3&panel=x&light=x")
+        wrong = "&mode=position&cells_depth=-7&sun=a,b&eye=1,2&ray=1,2,3&panel=x&light=x"
+        browser = self.open_tree(fragment=wrong)
         self.assertEqual(browser.run("return document.querySelector('#mode').value"), "shaded")
         self.assertEqual(self.text("#cells-depth"), "off")
         self.assertEqual(browser.errors(), [])
@@ -73,7 +75,7 @@ class BrowserLinkTest(PageTest):
         self.kdray("upload", self.teapot)
         gone = "0" * 64 + "-auto"
         browser = self.open_page(f"#tree={gone}")
-        browser.wait("return document.querySelector('#problem-code').textContent === 'tree_not_found'")
+        self.wait_text("#problem-code", "tree_not_found")
         browser.wait(SETTLED)
         self.assertNotEqual(self.link()["tree"], gone)
 

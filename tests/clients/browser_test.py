@@ -1,4 +1,4 @@
-"""The viewer page in a real browser against the real daemon: files, names, tokens, proxies, devices.
+"""The viewer page in a real browser against the real daemon: files, tokens, proxies, devices.
 
 browser_test.py KDRAYD KDRAY. Its neighbours: browser_picture_test.py (cameras and pictures),
 browser_inspect_test.py (trees, rays, the trade-off), browser_link_test.py (addresses) and
@@ -30,12 +30,12 @@ class BrowserTest(PageTest):
         os.rename(unique, unique := os.path.join(self.daemon.folder, "ring <b>.ply"))
         browser.type("#file", unique)
         # The name is shown as it is: a file name is no markup.
-        browser.wait("return document.querySelector('#tree-name').textContent === 'ring <b>.ply'")
+        self.wait_name("ring <b>.ply")
         browser.wait(SETTLED)
         _, opaque, pixels = browser.run(FINGERPRINT)
         self.assertTrue(0.1 < opaque / pixels < 0.9, (opaque, pixels))
         self.assertEqual(self.facts("#health-facts")["Surface"], "closed")
-        self.assertEqual(browser.run("return document.querySelectorAll('#uploads li').length"), 0)
+        self.assertEqual(self.count("#uploads li"), 0)
         self.assertEqual(browser.errors(), [])
         # A proxy before several servers finds the mesh's server by it (docs/replicas.md).
         with open(unique, "rb") as file:
@@ -50,21 +50,23 @@ class BrowserTest(PageTest):
         self.assertEqual(browser.run("return document.querySelector('#file').accept").split(","),
                          [f".{name}" for name in formats])
         self.assertIn(", ".join(formats).upper(), self.text("#formats"))
-        modes = [name for name in fields["mode"]["enum"] if name != "position"]  # which has no picture
+        modes = [name for name in fields["mode"]["enum"] if name != "position"]  # has no picture
         # The page turns a mesh in front of a camera; a panorama has none in front.
         projections = [name for name in fields["projection"]["enum"] if name != "spherical"]
         views = ["", *fields["view"]["enum"]]
         for select, names in (("#mode", modes), ("#projection", projections), ("#side", views),
-                              ("#precision", capabilities["precisions"]), ("#build", capabilities["builds"])):
-            self.assertEqual(browser.run(f"return [...document.querySelector('{select}').options].map((o) => o.value)"),
-                             names)
+                              ("#precision", capabilities["precisions"]),
+                              ("#build", capabilities["builds"])):
+            offered = browser.run("""return [...document.querySelector(arguments[0]).options]
+                .map((option) => option.value)""", select)
+            self.assertEqual(offered, names)
 
     def test_a_dropped_file_is_uploaded(self):
         browser = self.open_page()
         browser.run("""const data = new DataTransfer();
             data.items.add(new File(['v 0 0 0\\nv 1 0 0\\nv 0 1 0\\nf 1 2 3\\n'], 'dropped.obj'));
             dispatchEvent(new DragEvent('drop', {dataTransfer: data, cancelable: true}));""")
-        browser.wait("return document.querySelector('#tree-name').textContent === 'dropped.obj'")
+        self.wait_name("dropped.obj")
         browser.wait(SETTLED)
 
     def test_a_broken_file_is_shown_with_its_reason(self):
@@ -78,7 +80,7 @@ class BrowserTest(PageTest):
         self.assertIn("line 4", card)
         self.assertNotIn("again", card)  # what is wrong with the file stays wrong
         browser.click("#uploads .failed button")
-        self.assertEqual(browser.run("return document.querySelectorAll('#uploads li').length"), 0)
+        self.assertEqual(self.count("#uploads li"), 0)
 
     def test_a_file_above_the_servers_limit_is_not_sent(self):
         with Daemon(KDRAYD, "--max-upload", "600KiB") as small:
@@ -92,8 +94,10 @@ class BrowserTest(PageTest):
     def test_the_list_shows_a_small_picture_of_each_tree(self):
         self.kdray("upload", self.sample("cube.ply"))
         browser = self.open_tree()
-        sizes = browser.wait("""const images = [...document.querySelectorAll('#trees .preview img')];
-            return images.length > 1 && images.every((image) => image.complete && image.naturalWidth) &&
+        sizes = browser.wait("""
+            const images = [...document.querySelectorAll('#trees .preview img')];
+            const isThere = (image) => image.complete && image.naturalWidth;
+            return images.length > 1 && images.every(isThere) &&
                 images.map((image) => [image.naturalWidth, image.naturalHeight])""")
         self.assertEqual(set(map(tuple, sizes)), {(96, 72)})
         self.assertEqual(browser.errors(), [])
@@ -174,7 +178,8 @@ class BrowserTest(PageTest):
         browser.run("for (const menu of document.querySelectorAll('details')) menu.open = true;")
         for panel in ("mesh", "tree", "ray", "tradeoff"):
             browser.click(f"#tab-{panel}")
-            for control in browser.find_all("button, select, input, a, summary, progress, svg[role=img]"):
+            kinds = "button, select, input, a, summary, progress, svg[role=img]"
+            for control in browser.find_all(kinds):
                 html, is_shown = browser.run(
                     "return [arguments[0].outerHTML, arguments[0].checkVisibility()]", control)
                 if is_shown:
@@ -186,7 +191,8 @@ class BrowserTest(PageTest):
 
     def test_it_is_dark_where_the_system_is(self):
         browser = self.open_tree()
-        luminance = "return Number(getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0])"
+        luminance = """return Number(getComputedStyle(document.body).backgroundColor
+            .match(/\\d+/)[0])"""
         self.assertGreater(browser.run(luminance), 200)
         browser.prefer("dark")
         self.assertLess(browser.run(luminance), 60)

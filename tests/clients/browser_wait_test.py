@@ -1,4 +1,4 @@
-"""The viewer page in a real browser: a large mesh that takes its time, and a daemon that is gone."""
+"""The viewer page in a real browser: a large mesh that takes time, and a daemon that is gone."""
 import time
 
 from page import FINGERPRINT, SETTLED, PageTest, main
@@ -10,10 +10,11 @@ class BrowserWaitTest(PageTest):
         large = self.sample("sphere-large.ply", "--detail", "317")
         browser.choose("#build", "kd-binned")
         browser.run("""window.words = [];
-            new MutationObserver(() => words.push(document.querySelector('#uploads').textContent))
-                .observe(document.querySelector('#uploads'), {childList: true, subtree: true, characterData: true});""")
+            const uploads = document.querySelector('#uploads');
+            new MutationObserver(() => words.push(uploads.textContent))
+                .observe(uploads, {childList: true, subtree: true, characterData: true});""")
         browser.type("#file", large)
-        browser.wait("return document.querySelector('#tree-name').textContent === 'sphere-large.ply'", seconds=60)
+        self.wait_name("sphere-large.ply", seconds=60)
         words = browser.run("return window.words")
         self.assertTrue(any("sending" in text and "%" in text for text in words), words)
         building = [text for text in words if "building" in text]
@@ -23,7 +24,7 @@ class BrowserWaitTest(PageTest):
         browser.drag("#canvas", (0, 0), (120, 30))
         started = time.monotonic()
         browser.press("#canvas", (10, 10))
-        browser.wait("return document.querySelector('#hit-facts').textContent.includes('Triangle')")
+        self.wait_text("#hit-facts", "Triangle")
         self.assertLess(time.monotonic() - started, 2)
         browser.wait(SETTLED, seconds=30)
         self.assertEqual(browser.errors(), [])
@@ -42,14 +43,14 @@ class BrowserWaitTest(PageTest):
     def test_an_upload_outlives_the_daemon_that_it_was_sent_to(self):
         browser = self.open_page()
         browser.type("#file", self.sample("sphere-middle.ply", "--detail", "150"))
-        browser.wait("return document.querySelector('#uploads').textContent.includes('building')")
+        self.wait_text("#uploads", "building")
         self.daemon.stop()
         try:
-            browser.wait("return document.querySelector('#uploads').textContent.includes('waiting for the server')")
+            self.wait_text("#uploads", "waiting for the server")
         finally:
             self.daemon.start()
-        browser.wait("return document.querySelector('#tree-name').textContent === 'sphere-middle.ply'", seconds=60)
-        self.assertEqual(browser.run("return document.querySelectorAll('#uploads li').length"), 0)
+        self.wait_name("sphere-middle.ply", seconds=60)
+        self.assertEqual(self.count("#uploads li"), 0)
 
     def test_the_page_survives_a_daemon_that_is_gone_and_comes_back(self):
         browser = self.open_tree()

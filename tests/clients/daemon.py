@@ -21,8 +21,8 @@ class Daemon:
         # Options of the person who runs the tests must not reach the daemon under test.
         environment = {name: value for name, value in os.environ.items()
                        if not name.startswith("KDRAY_")}
-        self._process = subprocess.Popen([*self._command, "--port", str(port)], stdout=subprocess.PIPE,
-                                         stderr=self._log, text=True, env=environment)
+        self._process = subprocess.Popen([*self._command, "--port", str(port)], text=True,
+                                         stdout=subprocess.PIPE, stderr=self._log, env=environment)
         line = self._process.stdout.readline()
         found = re.match(r"kdrayd listening on (http://\S+)", line)
         if not found:

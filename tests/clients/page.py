@@ -1,4 +1,4 @@
-"""What the tests of the viewer page share: a daemon, a browser, meshes, and ways to wait for pictures."""
+"""What the tests of the viewer page share: a daemon, a browser, meshes, waiting for pictures."""
 import json
 import os
 import shutil
@@ -19,14 +19,15 @@ KDRAYD, KDRAY = sys.argv[1:3]
 
 SETTLED = "return document.querySelector('#canvas').dataset.settled === 'true'"
 STARTED = "return document.querySelector('#version').textContent !== ''"
-# Sum and number of the canvas's opaque pixels: two pictures that look different give different ones.
+# Sum and number of the canvas's opaque pixels: different for pictures that look different.
 FINGERPRINT = """
     const canvas = document.querySelector('#canvas');
     const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
     let sum = 0, opaque = 0;
     for (let i = 0; i < pixels.length; i += 4) {
       if (pixels[i + 3] > 127) ++opaque;
-      sum = (sum * 31 + pixels[i] + pixels[i + 1] * 3 + pixels[i + 2] * 7 + pixels[i + 3]) % 1000003;
+      sum = (sum * 31 + pixels[i] + pixels[i + 1] * 3 + pixels[i + 2] * 7 + pixels[i + 3])
+          % 1000003;
     }
     return [sum, opaque, canvas.width * canvas.height];"""
 
@@ -101,8 +102,25 @@ class PageTest(unittest.TestCase):
     def is_shown(self, selector):
         return self.browser.run(f"return document.querySelector('{selector}').checkVisibility()")
 
-    def wait_shown(self, selector):
-        self.browser.wait(f"return document.querySelector('{selector}').checkVisibility()")
+    def wait_text(self, selector, part):
+        """Until an element's text contains this."""
+        self.browser.wait("""return document.querySelector(arguments[0])?.textContent
+            .includes(arguments[1])""", selector, part)
+
+    def click_now(self, selector):
+        """Clicks also what a menu hides."""
+        self.browser.run("document.querySelector(arguments[0]).click()", selector)
+
+    def texts(self, selector):
+        return self.browser.run("""return [...document.querySelectorAll(arguments[0])]
+            .map((element) => element.textContent)""", selector)
+
+    def count(self, selector):
+        return self.browser.run("return document.querySelectorAll(arguments[0]).length", selector)
+
+    def wait_shown(self, selector, seconds=20):
+        script = f"return document.querySelector('{selector}').checkVisibility()"
+        self.browser.wait(script, seconds=seconds)
 
     def link(self):
         """The values of the page's address."""
@@ -114,6 +132,11 @@ class PageTest(unittest.TestCase):
         self.browser.wait("""return document.querySelector('#ray-cells').checkVisibility() &&
             document.querySelector('#precisions').checkVisibility() &&
             document.querySelector('#crossings').textContent !== '…'""")
+
+    def wait_name(self, name, seconds=20):
+        """Until the tree in the page has this name."""
+        self.browser.wait("return document.querySelector('#tree-name').textContent === arguments[0]",
+                          name, seconds=seconds)
 
     def facts(self, selector):
         """A list of facts as a dictionary."""

@@ -26,7 +26,8 @@ class Photographer(PageTest):
 
     def full_page(self, name):
         """All of a page that scrolls."""
-        width, height = self.browser.run("return [innerWidth, document.documentElement.scrollHeight]")
+        width, height = self.browser.run(
+            "return [innerWidth, document.documentElement.scrollHeight]")
         self.browser.size(width, height, phone=True)
         self.browser.run("document.querySelector('.stage').style.height = '520px'")
         self.photograph(name)
@@ -96,7 +97,7 @@ class Photographer(PageTest):
             browser.click("#measure")
             browser.wait("return document.querySelector('#tradeoff-bar').value > 0.3", seconds=60)
             self.photograph("measuring")
-        browser.wait("return document.querySelector('#tradeoff-result').checkVisibility()", seconds=120)
+        self.wait_shown("#tradeoff-result", seconds=120)
         self.photograph("tradeoff" + suffix)
         browser.click("#help")
         self.photograph("help" + suffix)

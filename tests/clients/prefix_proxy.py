@@ -1,4 +1,4 @@
-"""A reverse proxy that puts a service under a path of its own, as sites with several services do."""
+"""A reverse proxy that puts a service under a path, as sites with several services do."""
 import http.server
 import select
 import threading
@@ -11,8 +11,8 @@ PER_CONNECTION = {"connection", "content-length", "host", "keep-alive", "transfe
 class PrefixProxy:
     """Context manager; `url` is where it listens, the prefix included.
 
-    `delay` gives the seconds that a request waits, by its path with the query; `dropped` are the paths
-    of those whose client left while they waited, and `waiting` counts those that wait.
+    `delay` gives the seconds that a request waits, by its path with the query. `dropped` has the
+    paths of those whose client left while they waited; `waiting` counts those that wait.
     """
 
     def __init__(self, target, prefix, delay=lambda path: 0):
@@ -47,7 +47,7 @@ class PrefixProxy:
                 if seconds == 0:
                     return True
                 proxy.waiting += 1
-                # A client of this proxy sends nothing before the answer: what can be read is its end.
+                # Clients of this proxy send nothing before the answer: what can be read is the end.
                 readable, _, _ = select.select([self.connection], [], [], seconds)
                 proxy.waiting -= 1
                 return not readable
