@@ -1,28 +1,23 @@
 #include "api/answer_codec.h"
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "api/json_text.h"
+#include "api/json_value.h"
 #include "api/names.h"
 
 namespace kdray::api {
 namespace {
 
-using Json = nlohmann::ordered_json;  // in the contract's order, for people who read answers
-
-/// `json` may contain a client's text (a parameter's name), so invalid UTF-8 is replaced instead of
-/// thrown.
-std::string Dump(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
+using Json = JsonValue;  // in the contract's order, for people who read answers
 
 /// A file may have a coordinate of -0; no answer has.
 Vec3 WithoutNegativeZero(const Vec3& v) { return {v[0] + 0.0, v[1] + 0.0, v[2] + 0.0}; }
 
 Json BoxJson(const Box& box) {
-  return {{"min", WithoutNegativeZero(box.min)}, {"max", WithoutNegativeZero(box.max)}};
+  return {{"min", Json::Array(WithoutNegativeZero(box.min))},
+          {"max", Json::Array(WithoutNegativeZero(box.max))}};
 }
 
 Json HealthJson(const MeshHealth& health) {
@@ -46,9 +41,9 @@ Json MeshJson(const TreeDescription& tree) {
                {"vertices", mesh.vertices},
                {"bounds", BoxJson(mesh.bounds)},
                {"health", HealthJson(mesh.health)}};
-  if (mesh.groups) json["groups"] = *mesh.groups;
-  if (mesh.area) json["area"] = *mesh.area;
-  if (mesh.volume) json["volume"] = *mesh.volume + 0.0;
+  if (mesh.groups) json.Add("groups", Json::Array(*mesh.groups));
+  if (mesh.area) json.Add("area", *mesh.area);
+  if (mesh.volume) json.Add("volume", *mesh.volume + 0.0);
   return json;
 }
 
@@ -59,7 +54,7 @@ Json TreeJson(const TreeFacts& tree) {
           {"empty_leaves", tree.empty_leaves},
           {"references", tree.references},
           {"max_depth", tree.max_depth},
-          {"leaf_histogram", tree.leaf_histogram},
+          {"leaf_histogram", Json::Array(tree.leaf_histogram)},
           {"max_leaf", tree.max_leaf},
           {"bytes", tree.bytes},
           {"sah_cost", tree.sah_cost},
@@ -75,8 +70,8 @@ Json DescriptionJson(const TreeDescription& tree) {
                {"progress", tree.progress},
                {"created_at", tree.created_at},
                {"mesh", MeshJson(tree)}};
-  if (tree.tree) json["tree"] = TreeJson(*tree.tree);
-  if (!tree.plan.empty()) json["plan"] = tree.plan;
+  if (tree.tree) json.Add("tree", TreeJson(*tree.tree));
+  if (!tree.plan.empty()) json.Add("plan", tree.plan);
   return json;
 }
 
@@ -103,7 +98,7 @@ Json RateJson(const ErrorRate& rate) {
                {"rays", rate.rays},
                {"rate", rate.rays == 0 ? 0.0 : static_cast<double>(rate.count) / rays}};
   // Nothing seen among n says with 95% confidence that the rate is below 3/n ("rule of three").
-  if (rate.count == 0) json["below"] = rate.rays <= 3 ? 1.0 : 3.0 / rays;
+  if (rate.count == 0) json.Add("below", rate.rays <= 3 ? 1.0 : 3.0 / rays);
   return json;
 }
 
@@ -134,17 +129,17 @@ Json RowJson(const TradeoffRow& row) {
            {{"rays", row.t_error_rays},
             {"p999", row.t_error_p999},
             {"max", row.t_error_max},
-            {"bound", row.t_error_bound ? Json(*row.t_error_bound) : Json()}}}};
+            {"bound", row.t_error_bound}}}};
 }
 
 }  // namespace
 
-std::string EncodeDescription(const TreeDescription& tree) { return Dump(DescriptionJson(tree)); }
+std::string EncodeDescription(const TreeDescription& tree) { return DescriptionJson(tree).text(); }
 
 std::string EncodePage(const TreePage& page) {
-  Json trees = Json::array();
-  for (const TreeDescription& tree : page.trees) trees.push_back(DescriptionJson(tree));
-  return Dump({{"trees", std::move(trees)}, {"next", page.next ? Json(*page.next) : Json()}});
+  Json trees = Json::Array(std::vector<Json>());
+  for (const TreeDescription& tree : page.trees) trees.Append(DescriptionJson(tree));
+  return Json{{"trees", trees}, {"next", page.next}}.text();
 }
 
 std::string EncodeCells(const std::vector<Cell>& cells) {
@@ -167,46 +162,48 @@ std::string EncodeCells(const std::vector<Cell>& cells) {
 
 std::string EncodeTradeoff(const Tradeoff& tradeoff) {
   if (!tradeoff.ready) {
-    return Dump({{"state", "measuring"}, {"progress", tradeoff.progress}});
+    return Json{{"state", "measuring"}, {"progress", tradeoff.progress}}.text();
   }
-  Json results = Json::array();
-  for (const TradeoffRow& row : tradeoff.results) results.push_back(RowJson(row));
-  return Dump({{"state", "measured"},
-               {"progress", 1},
-               {"measured_at", tradeoff.measured_at},
-               {"mesh", {{"triangles", tradeoff.triangles}, {"closed", tradeoff.closed}}},
-               {"conditions",
-                {{"threads", tradeoff.threads},
-                 {"load_average", tradeoff.load_average},
-                 {"runs", tradeoff.runs},
-                 {"disturbed_runs", tradeoff.disturbed_runs},
-                 {"aimed_from_inside", tradeoff.aimed_from_inside},
-                 {"seed", tradeoff.seed},
-                 {"total_ms", tradeoff.total_ms}}},
-               {"results", std::move(results)}});
+  Json results = Json::Array(std::vector<Json>());
+  for (const TradeoffRow& row : tradeoff.results) results.Append(RowJson(row));
+  return Json{{"state", "measured"},
+              {"progress", 1},
+              {"measured_at", tradeoff.measured_at},
+              {"mesh", {{"triangles", tradeoff.triangles}, {"closed", tradeoff.closed}}},
+              {"conditions",
+               {{"threads", tradeoff.threads},
+                {"load_average", tradeoff.load_average},
+                {"runs", tradeoff.runs},
+                {"disturbed_runs", tradeoff.disturbed_runs},
+                {"aimed_from_inside", tradeoff.aimed_from_inside},
+                {"seed", tradeoff.seed},
+                {"total_ms", tradeoff.total_ms}}},
+              {"results", results}}
+      .text();
 }
 
 std::string EncodeCapabilities(std::string_view version, const Limits& limits) {
-  return Dump({{"name", "kdray"},
-               {"version", version},
-               {"formats", kMeshFormatNames},
-               {"builds", kBuildNames},
-               {"precisions", kPrecisionNames},
-               {"limits",
-                {{"max_upload_bytes", limits.max_upload_bytes},
-                 {"max_rays", limits.max_rays},
-                 {"max_hits", kMaxHits},
-                 {"max_answer_hits", limits.MaxAnswerHits()},
-                 {"max_pixels", limits.max_pixels},
-                 {"max_image_side", limits.max_image_side},
-                 {"max_cells", limits.max_cells},
-                 {"max_picture_cells", limits.max_picture_cells},
-                 {"max_samples", limits.max_samples},
-                 {"max_deadline_ms", limits.max_deadline_ms},
-                 {"max_wait_ms", limits.max_wait_ms},
-                 {"max_batch_bytes", limits.MaxBatchBytes()},
-                 {"max_json_body_bytes", limits.max_json_body_bytes},
-                 {"max_json_depth", limits.max_json_depth}}}});
+  return Json{{"name", "kdray"},
+              {"version", version},
+              {"formats", Json::Array(kMeshFormatNames)},
+              {"builds", Json::Array(kBuildNames)},
+              {"precisions", Json::Array(kPrecisionNames)},
+              {"limits",
+               {{"max_upload_bytes", limits.max_upload_bytes},
+                {"max_rays", limits.max_rays},
+                {"max_hits", kMaxHits},
+                {"max_answer_hits", limits.MaxAnswerHits()},
+                {"max_pixels", limits.max_pixels},
+                {"max_image_side", limits.max_image_side},
+                {"max_cells", limits.max_cells},
+                {"max_picture_cells", limits.max_picture_cells},
+                {"max_samples", limits.max_samples},
+                {"max_deadline_ms", limits.max_deadline_ms},
+                {"max_wait_ms", limits.max_wait_ms},
+                {"max_batch_bytes", limits.MaxBatchBytes()},
+                {"max_json_body_bytes", limits.max_json_body_bytes},
+                {"max_json_depth", limits.max_json_depth}}}}
+      .text();
 }
 
 std::string EncodeProblem(const Problem& problem, std::string_view request_id) {
@@ -217,11 +214,11 @@ std::string EncodeProblem(const Problem& problem, std::string_view request_id) {
                {"detail", problem.detail},
                {"code", Name(row.code)},
                {"request_id", request_id}};
-  if (problem.parameter) json["parameter"] = *problem.parameter;
-  if (problem.limit) json["limit"] = PlainNumber(*problem.limit);
-  if (problem.actual) json["actual"] = PlainNumber(*problem.actual);
-  if (problem.line) json["line"] = *problem.line;
-  return Dump(json);
+  if (problem.parameter) json.Add("parameter", *problem.parameter);
+  if (problem.limit) json.Add("limit", PlainNumber(*problem.limit));
+  if (problem.actual) json.Add("actual", PlainNumber(*problem.actual));
+  if (problem.line) json.Add("line", *problem.line);
+  return std::move(json).text();
 }
 
 }  // namespace kdray::api

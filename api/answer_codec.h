@@ -1,5 +1,4 @@
 // Encodes the small answers as JSON text (UTF-8, no line breaks). For batches: api/batch_codec.h.
-// The only file that builds JSON documents: the library's templates take long to compile.
 #pragma once
 
 #include <string>

@@ -15,6 +15,19 @@ namespace {
 
 using Json = nlohmann::json;
 
+/// The library's destructors allocate memory for a value's children, and a failure there would end
+/// the process. So the children go first, the innermost before the others.
+void Empty(Json& json) noexcept {
+  if (!json.is_structured()) return;
+  for (Json& child : json) Empty(child);
+  json.clear();
+}
+
+struct EmptiedAtTheEnd {
+  ~EmptiedAtTheEnd() { Empty(json); }
+  Json json;
+};
+
 // Counts the values of a text before they are made, and finds where it is not JSON.
 class Counter : public nlohmann::json_sax<Json> {
  public:
@@ -416,10 +429,10 @@ Result<GltfDocument> ReadGltfDocument(std::string_view text, std::uint64_t first
     return std::move(told).error();
   }
   JsonSource source(text, poll);
-  const Json json = Json::parse(JsonSource::Iterator(&source), JsonSource::Iterator(), nullptr,
-                                /*allow_exceptions=*/false);
+  const EmptiedAtTheEnd document{Json::parse(JsonSource::Iterator(&source), JsonSource::Iterator(),
+                                             nullptr, /*allow_exceptions=*/false)};
   if (poll->stopped()) return poll->ToError();
-  return DocumentReader(source.uris(), poll).Read(json);
+  return DocumentReader(source.uris(), poll).Read(document.json);
 }
 
 }  // namespace kdray::core
