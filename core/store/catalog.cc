@@ -104,7 +104,9 @@ Result<Catalog::Contents> Catalog::Load() const {
     Result<TreeRecord> record = Read(*id);
     if (!record.ok()) {
       ++contents.damaged;
-      if (!file.readable || record.error().code == ErrorCode::kIo) ++contents.unreadable;
+      const ErrorCode code = record.error().code;
+      const bool failed = code == ErrorCode::kIo || code == ErrorCode::kMemoryFull;
+      if (!file.readable || failed) ++contents.unreadable;
       TreeRecord wanted;
       wanted.id = *id;
       wanted.created_ms = file.modified_ms;

@@ -27,6 +27,11 @@ Error ErrnoError(const char* what, int error) {
     case EROFS:
       code = ErrorCode::kStoreFull;
       break;
+    case EMFILE:
+    case ENFILE:
+    case ENOMEM:
+      code = ErrorCode::kMemoryFull;
+      break;
     case ELOOP:  // O_NOFOLLOW met a link
     case EISDIR:
     case ENXIO:  // a FIFO or socket
