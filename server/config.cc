@@ -169,7 +169,8 @@ std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv) 
   options.AddInteger("--max-queued", config.max_queued, 0, kMany,
                      "queries and renders that wait for their turn");
   options.AddText("--token-file", token_file,
-                  "file of the tokens that clients must send, one per line", "FILE");
+                  "file of the tokens that clients must send, one per line; SIGHUP reads it again",
+                  "FILE");
   options.Add("--allow-origin",
               "origins whose pages in browsers may use this server, as https://example.org, or * "
               "for all (default: none)",
@@ -181,6 +182,16 @@ std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv) 
               });
   options.AddInteger("--drain-timeout-ms", config.drain_timeout_ms, 0, 3'600'000,
                      "time for running requests to finish after SIGTERM");
+  options
+      .Add("--log-level", "least level of the lines on standard error: info, warning or error",
+           "LEVEL",
+           [&config](const std::string& text) -> std::string {
+             const auto level = ParseLogLevel(text);
+             if (!level) return "must be info, warning or error, not '" + text + "'";
+             config.log_level = *level;
+             return {};
+           })
+      ->default_str(std::string(Name(config.log_level)));
 
   try {
     app.parse(argc, argv);

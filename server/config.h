@@ -10,6 +10,7 @@
 
 #include "api/limits.h"
 #include "server/cors.h"
+#include "server/log.h"
 
 namespace kdray::server {
 
@@ -27,6 +28,7 @@ struct Config {
   std::filesystem::path token_file;  ///< empty: no tokens
   CorsPolicy cors;                   ///< default: pages of other origins read nothing
   std::int64_t drain_timeout_ms = 25000;
+  LogLevel log_level = LogLevel::kInfo;
 
   /// Meshes, trees and builds get three quarters of the memory, running requests the rest.
   std::uint64_t BackendMemoryBytes() const { return memory_limit_bytes / 4 * 3; }

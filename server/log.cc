@@ -52,6 +52,8 @@ struct AppendValue {
   void operator()(bool flag) const { out += flag ? "true" : "false"; }
 };
 
+}  // namespace
+
 std::string_view Name(LogLevel level) {
   switch (level) {
     case LogLevel::kInfo:
@@ -64,7 +66,12 @@ std::string_view Name(LogLevel level) {
   return "error";
 }
 
-}  // namespace
+std::optional<LogLevel> ParseLogLevel(std::string_view name) {
+  for (const LogLevel level : {LogLevel::kInfo, LogLevel::kWarning, LogLevel::kError}) {
+    if (Name(level) == name) return level;
+  }
+  return std::nullopt;
+}
 
 std::string FormatLogLine(LogLevel level, std::string_view event,
                           std::initializer_list<LogField> fields) {
@@ -201,12 +208,13 @@ class Log::Impl {
 
 thread_local bool Log::Impl::has_failed = false;
 
-Log::Log(int fd) : impl_(fd < 0 ? nullptr : std::make_unique<Impl>(fd)) {}
+Log::Log(int fd, LogLevel least)
+    : least_(least), impl_(fd < 0 ? nullptr : std::make_unique<Impl>(fd)) {}
 Log::~Log() = default;
 
 void Log::Write(LogLevel level, std::string_view event,
                 std::initializer_list<LogField> fields) const noexcept {
-  if (impl_ == nullptr) return;
+  if (!Takes(level)) return;
   try {
     impl_->Write(FormatLogLine(level, event, fields) + "\n");
   } catch (...) {

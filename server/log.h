@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <initializer_list>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -14,6 +15,11 @@
 namespace kdray::server {
 
 enum class LogLevel : std::uint8_t { kInfo, kWarning, kError };
+
+/// The names are those in the lines, and of --log-level.
+std::string_view Name(LogLevel level);
+/// nullopt if no level has this name.
+std::optional<LogLevel> ParseLogLevel(std::string_view name);
 
 /// A number, a flag, or a text of any bytes, which is escaped.
 using LogValue = std::variant<std::string_view, double, std::uint64_t, bool>;
@@ -32,14 +38,16 @@ class Log {
   static constexpr std::size_t kMaxLines = 4096;
   static constexpr std::size_t kMaxBytes = std::size_t{2} << 20;
 
-  /// The file descriptor must outlive the log; -1 drops everything. Throws std::system_error if no
-  /// thread can be started.
-  explicit Log(int fd);
+  /// Writes lines of `least` and above. The file descriptor must outlive the log; -1 drops
+  /// everything. Throws std::system_error if no thread can be started.
+  explicit Log(int fd, LogLevel least = LogLevel::kInfo);
   /// Writes the waiting lines, for a short time.
   ~Log();
   Log(const Log&) = delete;
   Log& operator=(const Log&) = delete;
 
+  /// Whether lines of this level are written.
+  bool Takes(LogLevel level) const { return impl_ != nullptr && level >= least_; }
   /// Does not wait for the reader.
   void Write(LogLevel level, std::string_view event,
              std::initializer_list<LogField> fields) const noexcept;
@@ -48,6 +56,7 @@ class Log {
 
  private:
   class Impl;
+  const LogLevel least_;
   const std::unique_ptr<Impl> impl_;
 };
 

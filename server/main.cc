@@ -80,7 +80,7 @@ std::string Url(const std::string& host, int port) {
 
 int Run(const Config& config) {
   const sigset_t stop_signals = BlockStopSignals();
-  const Log log(STDERR_FILENO);
+  const Log log(STDERR_FILENO, config.log_level);
   if (const auto sound = core::CheckFloatingPointEnvironment(); !sound) {
     return Fail(log, sound.error().message);
   }

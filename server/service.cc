@@ -8,6 +8,7 @@
 #include "api/answer_codec.h"
 #include "core/base/hex.h"
 #include "server/content_decoder.h"
+#include "server/log_query.h"
 
 namespace kdray::server {
 namespace {
@@ -177,9 +178,12 @@ void Service::Answered(const HttpRecord& record) noexcept {
   const LogLevel level = record.status < 500    ? LogLevel::kInfo
                          : record.status == 503 ? LogLevel::kWarning
                                                 : LogLevel::kError;
+  if (!log_.Takes(level)) return;
+  const std::string query = LoggedQuery(record.query_string);
   log_.Write(level, "request",
              {{"method", record.method},
               {"path", record.path},
+              {"query", query},
               {"status", static_cast<std::uint64_t>(record.status)},
               {"code", record.error_code},
               {"ms", record.ms},
@@ -188,6 +192,8 @@ void Service::Answered(const HttpRecord& record) noexcept {
               {"complete", record.complete},
               {"remote", record.remote_addr},
               {"request_id", record.request_id},
+              {"trace_id", record.trace_id},
+              {"parent_id", record.parent_id},
               {"cause", record.cause}});
 }
 

@@ -4,6 +4,8 @@
 #include <new>
 #include <utility>
 
+#include "server/http/trace_context.h"
+
 namespace kdray::server {
 namespace {
 
@@ -72,6 +74,7 @@ HttpRecord Exchange::Record(Clock::time_point start) const {
   HttpRecord record;
   record.method = request_.method;
   record.path = request_.path;
+  record.query_string = request_.query_string;
   record.remote_addr = request_.remote_addr;
   record.request_id = response_.headers.Find("X-Request-Id").value_or("");
   record.error_code = response_.error_code;
@@ -82,6 +85,12 @@ HttpRecord Exchange::Record(Clock::time_point start) const {
   record.bytes_out = connection_.written();
   record.ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
   record.complete = complete_;
+  if (request_.headers.Count("traceparent") == 1) {
+    if (const auto trace = ParseTraceparent(*request_.headers.Find("traceparent"))) {
+      record.trace_id = trace->trace_id;
+      record.parent_id = trace->parent_id;
+    }
+  }
   return record;
 }
 

@@ -120,7 +120,9 @@ constexpr int kClientGone = 499;
 
 /// One answered request, for the log.
 struct HttpRecord {
-  std::string method, path, remote_addr, request_id, error_code, cause;
+  std::string method, path, query_string, remote_addr, request_id, error_code, cause;
+  /// Of the client's trace (trace_context.h); empty without one.
+  std::string trace_id, parent_id;
   std::string_view route;  ///< as in HttpResponse
   int status = 0;
   std::uint64_t bytes_in = 0;   ///< of the body

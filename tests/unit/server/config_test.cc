@@ -121,6 +121,17 @@ TEST(Config, RefusesAWrongValueInTheEnvironmentAsOnTheCommandLine) {
   }
 }
 
+TEST(Config, TakesTheNameOfALogLevel) {
+  EXPECT_EQ(Accepted({}).log_level, LogLevel::kInfo);
+  EXPECT_EQ(Accepted({"--log-level", "warning"}).log_level, LogLevel::kWarning);
+  EXPECT_EQ(Accepted({"--log-level", "error"}).log_level, LogLevel::kError);
+  const Environment level("KDRAY_LOG_LEVEL", "warning");
+  EXPECT_EQ(Accepted({}).log_level, LogLevel::kWarning);
+  for (const char* name : {"", "Info", "debug", "2"}) {
+    EXPECT_EQ(Stopped({"--log-level", name}).code, 2) << name;
+  }
+}
+
 TEST(Config, TakesOriginsAndSaysWhatIsNone) {
   EXPECT_FALSE(Accepted({}).cors.is_enabled());
   EXPECT_TRUE(Accepted({"--allow-origin", "*"}).cors.is_enabled());

@@ -299,5 +299,24 @@ TEST(Log, WritesNothingWithoutADescriptor) {
   EXPECT_EQ(log.dropped(), 0U);
 }
 
+TEST(Log, WritesTheLinesOfItsLevelAndAbove) {
+  Ends ends;
+  {
+    const Log log(ends.writer(), LogLevel::kWarning);
+    EXPECT_FALSE(log.Takes(LogLevel::kInfo));
+    EXPECT_TRUE(log.Takes(LogLevel::kError));
+    log.Write(LogLevel::kInfo, "one", {});
+    log.Write(LogLevel::kWarning, "two", {});
+    log.Write(LogLevel::kError, "three", {});
+  }
+  ends.CloseWriter();
+  std::istringstream lines(ends.ReadAll());
+  std::vector<std::string> events;
+  for (std::string line; std::getline(lines, line);) {
+    events.push_back(json::parse(line).at("event"));
+  }
+  EXPECT_EQ(events, (std::vector<std::string>{"two", "three"}));
+}
+
 }  // namespace
 }  // namespace kdray::server
