@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "server/http/message.h"
 
@@ -57,6 +58,24 @@ bool BearerTokens::Allows(std::optional<std::string_view> authorization) const {
     allowed |= EqualInConstantTime(digest, given);
   }
   return allowed;
+}
+
+TokenGate::TokenGate(BearerTokens tokens)
+    : tokens_(std::make_shared<const BearerTokens>(std::move(tokens))) {}
+
+bool TokenGate::Allows(std::optional<std::string_view> authorization) const {
+  return Current()->Allows(authorization);
+}
+
+void TokenGate::Replace(BearerTokens tokens) {
+  auto replaced = std::make_shared<const BearerTokens>(std::move(tokens));
+  const std::lock_guard lock(mutex_);
+  tokens_.swap(replaced);
+}
+
+std::shared_ptr<const BearerTokens> TokenGate::Current() const {
+  const std::lock_guard lock(mutex_);
+  return tokens_;
 }
 
 }  // namespace kdray::server

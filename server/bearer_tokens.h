@@ -1,6 +1,8 @@
 // The tokens of --token-file, which authorise clients.
 #pragma once
 
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <string_view>
 #include <vector>
@@ -23,6 +25,22 @@ class BearerTokens {
 
  private:
   std::vector<core::Sha256Digest> digests_;
+};
+
+/// Tokens that may be replaced while requests are checked. Safe from many threads at once.
+class TokenGate {
+ public:
+  explicit TokenGate(BearerTokens tokens);
+
+  /// As BearerTokens::Allows().
+  bool Allows(std::optional<std::string_view> authorization) const;
+  void Replace(BearerTokens tokens);
+
+ private:
+  std::shared_ptr<const BearerTokens> Current() const;
+
+  mutable std::mutex mutex_;
+  std::shared_ptr<const BearerTokens> tokens_;
 };
 
 }  // namespace kdray::server

@@ -1,9 +1,14 @@
 // kdrayd: reads its options, starts the backend and the server, and ends both when told to.
 #include <unistd.h>
 
+#include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <ctime>
+#include <exception>
 #include <fstream>
+#include <functional>
 #include <iostream>
 #include <iterator>
 #include <string>
@@ -13,6 +18,7 @@
 #include "core/base/fp_environment.h"
 #include "server/config.h"
 #include "server/core_backend.h"
+#include "server/descriptor_limit.h"
 #include "server/http/http_server.h"
 #include "server/log.h"
 #include "server/service.h"
@@ -21,14 +27,15 @@ namespace kdray::server {
 namespace {
 
 /// To be called before any thread is made, so that all of them leave the signals to
-/// WaitForSignal().
-sigset_t BlockStopSignals() {
+/// ServeUntilStopped().
+sigset_t BlockSignals() {
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);  // a file at its size limit is a full disk, not the end
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGTERM);
   sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGHUP);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   return signals;
 }
@@ -73,14 +80,50 @@ core::Result<std::optional<BearerTokens>> ReadTokens(const std::filesystem::path
   return std::optional<BearerTokens>(*std::move(tokens));
 }
 
+/// On SIGHUP. An invalid file changes nothing: clients with the old tokens are not locked out.
+void ReloadTokens(const Config& config, Service& service, const Log& log) {
+  try {
+    auto tokens = ReadTokens(config.token_file);
+    if (!tokens) {
+      log.Write(LogLevel::kError, "reload_failed", {{"message", tokens.error().message}});
+      return;
+    }
+    if (*tokens) service.ReplaceTokens(**std::move(tokens));
+    log.Write(LogLevel::kInfo, "reloaded", {{"tokens", !config.token_file.empty()}});
+  } catch (const std::exception& error) {
+    log.Write(LogLevel::kError, "reload_failed", {{"message", error.what()}});
+  }
+}
+
+/// Returns the signal that ends the daemon.
+int ServeUntilStopped(const sigset_t& signals, const std::function<void()>& reload) {
+  for (;;) {
+    int signal = 0;
+    if (sigwait(&signals, &signal) != 0) continue;
+    if (signal != SIGHUP) return signal;
+    reload();
+  }
+}
+
+/// Waits for the requests in work. A second signal to stop ends the wait.
+bool WaitForRequests(HttpServer& server, sigset_t signals, std::int64_t timeout_ms) {
+  using Clock = std::chrono::steady_clock;
+  sigdelset(&signals, SIGHUP);
+  const auto deadline = Clock::now() + std::chrono::milliseconds(timeout_ms);
+  constexpr timespec kNoWait{.tv_sec = 0, .tv_nsec = 0};
+  for (;;) {
+    const auto next = std::min(deadline, Clock::now() + std::chrono::milliseconds(50));
+    if (server.WaitUntilIdle(next)) return true;
+    if (Clock::now() >= deadline || sigtimedwait(&signals, nullptr, &kNoWait) > 0) return false;
+  }
+}
+
 std::string Url(const std::string& host, int port) {
   const bool is_v6 = host.find(':') != std::string::npos;
   return "http://" + (is_v6 ? "[" + host + "]" : host) + ":" + std::to_string(port);
 }
 
-int Run(const Config& config) {
-  const sigset_t stop_signals = BlockStopSignals();
-  const Log log(STDERR_FILENO, config.log_level);
+int Serve(const Config& config, const sigset_t& signals, const Log& log) {
   if (const auto sound = core::CheckFloatingPointEnvironment(); !sound) {
     return Fail(log, sound.error().message);
   }
@@ -106,7 +149,16 @@ int Run(const Config& config) {
   HttpServerOptions http;
   http.host = config.host;
   http.port = config.port;
-  http.max_connections = config.max_connections;
+  const DescriptorLimit limit = RaiseDescriptorLimit(config.max_connections);
+  http.max_connections = limit.connections;
+  if (limit.connections < config.max_connections) {
+    log.Write(LogLevel::kWarning, "fewer_connections",
+              {{"max_connections", std::uint64_t{config.max_connections}},
+               {"connections", std::uint64_t{limit.connections}},
+               {"message", "the hard limit of open files is " + std::to_string(limit.descriptors) +
+                               "; so many connections need " +
+                               std::to_string(DescriptorsFor(config.max_connections))}});
+  }
   HttpServer server(http, service);
   if (const auto problem = server.Bind()) return Fail(log, *problem);
   server.Start();
@@ -114,28 +166,42 @@ int Run(const Config& config) {
   std::cout << "kdrayd listening on " << url << std::endl;
   log.Write(LogLevel::kInfo, "listening", {{"url", url}, {"version", KDRAY_VERSION}});
 
-  int signal = 0;
-  while (sigwait(&stop_signals, &signal) != 0) {
-  }
+  const int signal = ServeUntilStopped(signals, [&] { ReloadTokens(config, service, log); });
   log.Write(LogLevel::kInfo, "draining", {{"signal", static_cast<std::uint64_t>(signal)}});
-  service.Drain();
+  // In this order, so that a connection that the service refuses has come after the server began.
   server.Drain();
-  const bool finished = server.WaitUntilIdle(std::chrono::steady_clock::now() +
-                                             std::chrono::milliseconds(config.drain_timeout_ms));
+  service.Drain();
+  const bool finished = WaitForRequests(server, signals, config.drain_timeout_ms);
+  if (!finished) server.CancelWork();
   server.Stop();
   (*backend)->Shutdown();
   log.Write(LogLevel::kInfo, "stopped", {{"finished", finished}});
   return 0;
 }
 
+int Run(const Config& config) {
+  const sigset_t signals = BlockSignals();
+  const Log log(STDERR_FILENO, config.log_level);
+  try {
+    return Serve(config, signals, log);
+  } catch (const std::exception& error) {  // no thread or no memory at the start
+    return Fail(log, error.what());
+  }
+}
+
 }  // namespace
 }  // namespace kdray::server
 
 int main(int argc, char** argv) {
-  auto parsed = kdray::server::ParseConfig(argc, argv);
-  if (const auto* stop = std::get_if<kdray::server::ConfigExit>(&parsed)) {
-    (stop->code == 0 ? std::cout : std::cerr) << stop->output;
-    return stop->code;
+  try {
+    auto parsed = kdray::server::ParseConfig(argc, argv);
+    if (const auto* stop = std::get_if<kdray::server::ConfigExit>(&parsed)) {
+      (stop->code == 0 ? std::cout : std::cerr) << stop->output;
+      return stop->code;
+    }
+    return kdray::server::Run(std::get<kdray::server::Config>(parsed));
+  } catch (const std::exception& error) {  // no memory, before there is a log
+    std::fprintf(stderr, "kdrayd: %s\n", error.what());
+    return 1;
   }
-  return kdray::server::Run(std::get<kdray::server::Config>(parsed));
 }

@@ -50,6 +50,10 @@ constexpr std::array kClassNames = {
     std::pair(RequestClass::kOther, "other"), std::pair(RequestClass::kQuery, "query"),
     std::pair(RequestClass::kRender, "render"), std::pair(RequestClass::kUpload, "upload")};
 
+constexpr std::array kDropNames = {std::pair(DropReason::kEvicted, "evicted"),
+                                   std::pair(DropReason::kRefused, "refused"),
+                                   std::pair(DropReason::kClosed, "closed")};
+
 constexpr std::string_view kRaysPrefix = "/v1/trees/{id}/rays/";
 constexpr std::string_view kPointsPrefix = "/v1/trees/{id}/points/";
 constexpr std::string_view kVisibility = "/v1/trees/{id}/visibility";
@@ -254,6 +258,15 @@ class Metrics::Impl {
     camera_rays = &picture_rays.Add({{"kind", "camera"}});
     shadow_rays = &picture_rays.Add({{"kind", "shadow"}});
     occlusion_rays = &picture_rays.Add({{"kind", "occlusion"}});
+    auto& drops = prometheus::BuildCounter()
+                      .Name("kdray_http_dropped_connections_total")
+                      .Help(
+                          "Connections ended for want of room, by reason: evicted (idle, or slow), "
+                          "refused (new, answered with overloaded), closed (new, not answered).")
+                      .Register(registry);
+    for (const auto& [reason, name] : kDropNames) {
+      dropped[static_cast<std::size_t>(reason)] = &drops.Add({{"reason", name}});
+    }
     auto& info = prometheus::BuildGauge()
                      .Name("kdray_build_info")
                      .Help("Always 1; the label has the version of the daemon.")
@@ -275,6 +288,7 @@ class Metrics::Impl {
                                  .Help("Time that requests waited for their turn to compute.")
                                  .Register(registry)
                                  .Add({}, kSeconds);
+  std::array<Counter*, kDropNames.size()> dropped{};  ///< by DropReason
   Counter* past_deadline = nullptr;
   Counter* left_by_client = nullptr;
   Counter* shut_down = nullptr;
@@ -289,6 +303,9 @@ class Metrics::Impl {
                              "Requests whose client left before the answer.");
   Counter& accepted = AddCounter(registry, "kdray_http_accepted_connections_total",
                                  "Connections accepted, refused ones included.");
+  Counter& accept_failures =
+      AddCounter(registry, "kdray_http_accept_failures_total",
+                 "Attempts to accept a connection that failed for want of descriptors or memory.");
   Gauge& connections = prometheus::BuildGauge()
                            .Name("kdray_http_connections")
                            .Help("Open connections.")
@@ -324,6 +341,12 @@ void Metrics::ConnectionOpened() noexcept {
 }
 
 void Metrics::ConnectionClosed() noexcept { impl_->connections.Decrement(); }
+
+void Metrics::ConnectionDropped(DropReason reason) noexcept {
+  impl_->dropped[static_cast<std::size_t>(reason)]->Increment();
+}
+
+void Metrics::AcceptFailed() noexcept { impl_->accept_failures.Increment(); }
 
 void Metrics::GotTurn(double waited_ms) noexcept { impl_->queue_seconds.Observe(waited_ms / 1000); }
 

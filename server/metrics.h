@@ -31,7 +31,7 @@ class Metrics {
   static constexpr std::size_t kMaxSeries = 200;
   /// Lines of kdray_http_requests_total. A pair of route and status gets its line when it first
   /// occurs. When this many are there, the route of a new pair is "other".
-  static constexpr std::size_t kMaxRequestSeries = 80;
+  static constexpr std::size_t kMaxRequestSeries = 76;
   static constexpr std::string_view kContentType = "text/plain; version=0.0.4; charset=utf-8";
 
   /// The routes' texts must outlive this.
@@ -44,6 +44,8 @@ class Metrics {
   void Answered(const HttpRecord& record) noexcept;
   void ConnectionOpened() noexcept;
   void ConnectionClosed() noexcept;
+  void ConnectionDropped(DropReason reason) noexcept;
+  void AcceptFailed() noexcept;
   /// A request got its turn after this time in the queue.
   void GotTurn(double waited_ms) noexcept;
   /// A query answered `rows` rows in `precision`, by its name in the contract. `route` is a route's

@@ -96,7 +96,9 @@ Service::Service(ServiceOptions options, Backend& backend, const Log& log)
                .metrics = metrics_,
                .log = log_,
                .draining = draining_,
-               .with_tokens = options_.tokens.has_value()} {}
+               .with_tokens = options_.tokens.has_value()} {
+  if (options_.tokens) tokens_.emplace(*options_.tokens);
+}
 
 HttpResponse Service::Handle(const HttpRequest& request) {
   const std::string request_id = RequestIdOf(request);
@@ -141,7 +143,7 @@ api::Outcome<HttpResponse> Service::Answer(const HttpRequest& request, const Rou
     return Problem{.code = ErrorCode::kMethodNotAllowed,
                    .detail = "this path takes " + Allow(*match.route)};
   }
-  if (!open && draining_) {
+  if (!open && draining_ && !request.came_before_drain) {
     return Problem{.code = ErrorCode::kDraining, .detail = "this server is shutting down"};
   }
   if (auto problem = CheckContentEncoding(request, match)) return *std::move(problem);
@@ -158,10 +160,10 @@ api::Outcome<HttpResponse> Service::Answer(const HttpRequest& request, const Rou
 }
 
 bool Service::IsAllowed(const HttpRequest& request) const {
-  if (!options_.tokens) return true;
+  if (!tokens_) return true;
   // Of two headers nobody knows which one a proxy in front has looked at.
   return request.headers.Count("Authorization") == 1 &&
-         options_.tokens->Allows(request.headers.Find("Authorization"));
+         tokens_->Allows(request.headers.Find("Authorization"));
 }
 
 HttpResponse Service::Refuse(const HttpRequest& request, const Problem& problem) {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "api/limits.h"
 #include "server/admission.h"
@@ -42,11 +43,20 @@ class Service final : public HttpHandler {
   void Answered(const HttpRecord& record) noexcept override;
   void ConnectionOpened() noexcept override { metrics_.ConnectionOpened(); }
   void ConnectionClosed() noexcept override { metrics_.ConnectionClosed(); }
+  void ConnectionDropped(DropReason reason) noexcept override {
+    metrics_.ConnectionDropped(reason);
+  }
+  void AcceptFailed() noexcept override { metrics_.AcceptFailed(); }
 
   /// The number of requests whose client left before the answer.
   std::uint64_t clients_gone() const { return clients_gone_; }
 
-  /// After it, only open routes are answered; other requests get `draining`.
+  /// From now on clients need one of these tokens. No effect if the service began without tokens.
+  void ReplaceTokens(BearerTokens tokens) {
+    if (tokens_) tokens_->Replace(std::move(tokens));
+  }
+  /// After it, only open routes and requests of connections that came before are answered; other
+  /// requests get `draining`.
   void Drain() { draining_ = true; }
 
   const api::Limits& limits() const { return options_.limits; }
@@ -59,6 +69,7 @@ class Service final : public HttpHandler {
   bool IsAllowed(const HttpRequest& request) const;
 
   const ServiceOptions options_;
+  std::optional<TokenGate> tokens_;
   const Log& log_;
   std::atomic<bool> draining_{false};
   std::atomic<std::uint64_t> clients_gone_{0};

@@ -5,8 +5,10 @@
 #include <sys/time.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <climits>
+#include <limits>
 #include <utility>
 
 #include "server/http/request_head.h"
@@ -21,8 +23,16 @@ constexpr std::size_t kReadBytes = 8 * 1024;
 /// Chunks are often small, so a chunked body is read in pieces of this size.
 constexpr std::size_t kChunkedReadBytes = 64 * 1024;
 constexpr std::size_t kGatherBytes = 16 * 1024;
-constexpr milliseconds kLingerTime{200};
-constexpr std::size_t kLingerBytes = 64 * 1024;
+
+/// How long the client's further bytes are dropped before its connection is closed.
+struct Linger {
+  milliseconds silence;  ///< the longest pause
+  milliseconds total;
+  std::uint64_t bytes;
+};
+constexpr Linger kShortLinger{milliseconds(200), milliseconds(200), 64 * 1024};
+constexpr Linger kBodyLinger{milliseconds(2000), milliseconds(30000),
+                             std::numeric_limits<std::uint64_t>::max()};
 
 /// Waits for `events` or an error condition on the socket; false at the deadline.
 bool WaitUntil(int fd, short events, Clock::time_point deadline) {
@@ -48,13 +58,18 @@ ssize_t Receive(int fd, void* out, std::size_t size) {
 
 }  // namespace
 
-bool Pace::Wait(int fd, short events) {
+bool Pace::Wait(int fd, short events, std::atomic<Clock::rep>* late_since) {
   const std::chrono::duration<double> earned(static_cast<double>(moved_) /
                                              static_cast<double>(limit_.bytes_per_second));
   const auto credit = std::chrono::duration_cast<Clock::duration>(earned);
   const auto left = Clock::duration(limit_.grace) + credit - waited_;
   const auto start = Clock::now();
+  if (late_since != nullptr) {
+    const auto behind = std::max(waited_ - credit, Clock::duration(0));
+    *late_since = (start - behind).time_since_epoch().count();
+  }
   const bool ready = WaitUntil(fd, events, start + std::min<Clock::duration>(left, limit_.stall));
+  if (late_since != nullptr) *late_since = 0;
   waited_ += Clock::now() - start;
   return ready;
 }
@@ -92,6 +107,8 @@ Connection::Read Connection::WaitForByte(std::chrono::milliseconds patience) {
   return count < 0 && WouldBlock() ? Read::kTimeout : Read::kClosed;
 }
 
+bool Connection::has_head() const { return FindHeadEnd(in_, 0) != 0; }
+
 Connection::Read Connection::ReadHead(Clock::time_point deadline, std::size_t max_bytes) {
   std::size_t looked = 0;
   for (;;) {
@@ -112,6 +129,7 @@ Connection::Read Connection::ReadHead(Clock::time_point deadline, std::size_t ma
 void Connection::BeginBody(std::optional<std::uint64_t> bytes, const PaceLimit& pace) {
   body_left_ = bytes.value_or(0);
   body_bytes_ = 0;
+  body_failed_ = false;
   chunks_.reset();
   if (!bytes) chunks_.emplace();
   read_pace_ = Pace(pace);
@@ -123,11 +141,14 @@ bool Connection::is_body_complete() const {
 
 Connection::Read Connection::ReadBody(std::span<std::byte> out, std::size_t* count) {
   *count = 0;
-  if (chunks_) return ReadChunked(out, count);
-  const auto wanted = static_cast<std::size_t>(std::min<std::uint64_t>(out.size(), body_left_));
-  if (wanted == 0) return Read::kDone;
-  const Read read = ReadData(out.first(wanted), count);
-  body_left_ -= *count;
+  Read read = Read::kDone;
+  if (chunks_) {
+    read = ReadChunked(out, count);
+  } else if (const auto wanted = std::min<std::uint64_t>(out.size(), body_left_); wanted != 0) {
+    read = ReadData(out.first(static_cast<std::size_t>(wanted)), count);
+    body_left_ -= *count;
+  }
+  body_failed_ = read != Read::kDone;
   return read;
 }
 
@@ -181,7 +202,7 @@ Connection::Read Connection::ReadData(std::span<std::byte> out, std::size_t* cou
         break;
       }
       if (got == 0 || !WouldBlock()) return Read::kClosed;
-      if (!read_pace_.Wait(fd_, POLLIN)) return Read::kTimeout;
+      if (!read_pace_.Wait(fd_, POLLIN, late_since_)) return Read::kTimeout;
     }
   }
   // Only data earns time: framing without data must not keep a thread for ever.
@@ -197,7 +218,7 @@ Connection::Read Connection::FillBody() {
   for (;;) {
     const ssize_t got = Receive(fd_, in_.data() + head_bytes_, kChunkedReadBytes);
     const bool waits = got < 0 && WouldBlock();
-    if (waits && read_pace_.Wait(fd_, POLLIN)) continue;
+    if (waits && read_pace_.Wait(fd_, POLLIN, late_since_)) continue;
     in_.resize(head_bytes_ + static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
     if (got > 0) return Read::kDone;
     return waits ? Read::kTimeout : Read::kClosed;
@@ -241,7 +262,7 @@ bool Connection::Send(std::string_view bytes, bool more) {
     } else if (count < 0 && errno == EINTR) {
       continue;
     } else if (count < 0 && WouldBlock()) {
-      broken_ = !write_pace_.Wait(fd_, POLLOUT);
+      broken_ = !write_pace_.Wait(fd_, POLLOUT, late_since_);
     } else {
       broken_ = true;
     }
@@ -275,15 +296,22 @@ void Connection::CloseGently() {
     return;
   }
   if (shutdown(fd_, SHUT_WR) != 0) return;
-  const auto deadline = Clock::now() + kLingerTime;
-  char sink[4096];
-  for (std::size_t total = 0; total < kLingerBytes;) {
-    const ssize_t count = Receive(fd_, sink, sizeof(sink));
+  const bool has_body = !is_body_complete() && !body_failed_;
+  const Linger& limit = has_body ? kBodyLinger : kShortLinger;
+  std::uint64_t left = limit.bytes;
+  if (has_body && !chunks_)
+    left = body_left_ - std::min<std::uint64_t>(body_left_, in_.size() - taken_);
+  const auto end = Clock::now() + limit.total;
+  std::array<char, 64 * 1024> sink;
+  while (left > 0) {
+    const ssize_t count = Receive(fd_, sink.data(), sink.size());
     if (count > 0) {
-      total += static_cast<std::size_t>(count);
-    } else if (count == 0 || !WouldBlock() || !WaitUntil(fd_, POLLIN, deadline)) {
+      left -= std::min(left, static_cast<std::uint64_t>(count));
+    } else if (count == 0 || !WouldBlock() ||
+               !WaitUntil(fd_, POLLIN, std::min(end, Clock::now() + limit.silence))) {
       return;
     }
+    if (Clock::now() >= end) return;
   }
 }
 

@@ -2,6 +2,7 @@
 // a thread. It handles bytes, not HTTP, and keeps bytes of the next request.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -26,9 +27,13 @@ struct PaceLimit {
 /// The waits of one transfer. Counts time waiting for the peer, not our own time.
 class Pace {
  public:
+  using Clock = std::chrono::steady_clock;
+
   explicit Pace(const PaceLimit& limit) : limit_(limit) {}
   /// True if the socket is ready for `events` (poll's), false if the peer's time is used up.
-  bool Wait(int fd, short events);
+  /// Meanwhile `late_since`, if not null, has the beginning of this wait in ticks of the clock, or
+  /// a time before it by which the peer is behind `bytes_per_second`; otherwise 0.
+  bool Wait(int fd, short events, std::atomic<Clock::rep>* late_since);
   void Moved(std::size_t bytes) { moved_ += bytes; }
 
  private:
@@ -42,7 +47,9 @@ class Connection {
  public:
   using Clock = std::chrono::steady_clock;
 
-  explicit Connection(int fd) : fd_(fd) {}
+  /// `late_since`: see Pace::Wait().
+  explicit Connection(int fd, std::atomic<Clock::rep>* late_since = nullptr)
+      : fd_(fd), late_since_(late_since) {}
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
@@ -51,6 +58,8 @@ class Connection {
   enum class Read : std::uint8_t { kDone, kClosed, kTimeout, kTooLarge, kMalformed };
   /// Waits for the next request's first byte, at most `patience`.
   Read WaitForByte(std::chrono::milliseconds patience);
+  /// Whether the whole head of the next request has been received.
+  bool has_head() const;
   /// Reads the head of the next request, which head() then returns. kTooLarge beyond `max_bytes`.
   Read ReadHead(Clock::time_point deadline, std::size_t max_bytes);
   /// The part of the head that has been read.
@@ -91,9 +100,11 @@ class Connection {
 
   /// Ends the request; the next may follow. The body must have been read.
   void EndRequest();
-  /// The last call. Shuts down sending, then reads for a short time what the client still sends:
-  /// closing with unread bytes would make the system reset the connection and lose the answer. If
-  /// the answer was abandoned, the connection is reset.
+  /// The last call. Shuts down sending, then drops what the client still sends: closing with unread
+  /// bytes would make the system reset the connection and lose the answer. The rest of a body that
+  /// the server did not want is dropped for as long as the client keeps sending, because many
+  /// clients read nothing before they have sent everything; other bytes only for a moment. If the
+  /// answer was abandoned, the connection is reset.
   void CloseGently();
 
  private:
@@ -103,7 +114,8 @@ class Connection {
   Read ReadData(std::span<std::byte> out, std::size_t* count);
   bool Send(std::string_view bytes, bool more);
 
-  int fd_;
+  const int fd_;
+  std::atomic<Clock::rep>* const late_since_;
   std::chrono::milliseconds patience_{0};  ///< of the socket's blocking calls
   std::string in_;                         ///< the head, then further bytes
   std::size_t head_bytes_ = 0;
@@ -116,6 +128,7 @@ class Connection {
   std::uint64_t written_ = 0;
   std::size_t ahead_ = 0;  ///< bytes of the next answer that were sent ahead
   bool broken_ = false;
+  bool body_failed_ = false;  ///< too slow, malformed or cut: its rest is not worth a wait
 };
 
 }  // namespace kdray::server

@@ -35,6 +35,7 @@ void Exchange::Accept(RequestHead head) {
   body_size_ = head.chunked ? std::nullopt : std::optional(head.content_length);
   expects_continue_ = head.expects_continue;
   keep_alive_ = head.keep_alive;
+  is_1_0_ = head.is_1_0;
   SetRequest(std::move(head));
   request_.peer = this;
   connection_.BeginBody(body_size_, body_pace_);

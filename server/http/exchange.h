@@ -10,6 +10,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "server/http/connection.h"
 #include "server/http/departure_watch.h"
@@ -31,6 +32,8 @@ class Exchange final : public HttpPeer, private WatchedClient {
   void Accept(RequestHead head);
   /// The request is invalid; the handler answers with the problem.
   void Refuse(RefusedHead refused);
+  /// See HttpRequest.
+  void set_came_before_drain(bool came) { request_.came_before_drain = came; }
 
   /// Calls the handler; an exception becomes an answer without its text. If the client has left
   /// meanwhile, the answer is empty, with status kClientGone.
@@ -39,6 +42,11 @@ class Exchange final : public HttpPeer, private WatchedClient {
   /// What is known of the request.
   const HttpRequest& request() const { return request_; }
   HttpResponse& response() { return response_; }
+  /// The answer's Connection header; empty for HTTP/1.1's default, which keeps the connection.
+  std::string_view connection_option() const {
+    if (response_.close) return "close";
+    return is_1_0_ ? "keep-alive" : "";
+  }
   /// Whether the whole answer was sent; for the record.
   void set_complete(bool complete) { complete_ = complete; }
   HttpRecord Record(std::chrono::steady_clock::time_point start) const;
@@ -64,7 +72,7 @@ class Exchange final : public HttpPeer, private WatchedClient {
   HttpResponse response_;
   std::optional<std::uint64_t> body_size_ = 0;
   std::atomic<bool> gone_{false};  ///< the client has left
-  bool expects_continue_ = false, keep_alive_ = false, complete_ = false;
+  bool expects_continue_ = false, keep_alive_ = false, is_1_0_ = false, complete_ = false;
 };
 
 }  // namespace kdray::server

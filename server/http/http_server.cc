@@ -1,4 +1,4 @@
-// cpp-httplib listens, accepts, and writes answers. What it does not do, and why:
+// cpp-httplib binds the socket and writes answers. What it does not do, and why:
 //
 // - It reads no request. Its reader takes bare line feeds, negative and repeated lengths, chunk
 //   sizes with signs, unlimited lines and header counts, and decodes percent signs in header
@@ -9,7 +9,8 @@
 //   far. Ours keeps one Connection.
 // - It routes nothing, serves no files, ranges or compression: the pre-routing handler answers
 //   everything.
-// - It does not end when accept() fails, or when it merely thinks so: see AcceptUntilStopped().
+// - It does not accept: an error of accept() ends its loop, or is tried again without anybody being
+//   told that no descriptor is free. Listener accepts.
 //
 // Checked against versions 0.11 (Debian 12) and 0.18 (Debian 13). Where they differ, the code below
 // says so; another version needs a new look at this file only.
@@ -21,17 +22,18 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <exception>
-#include <thread>
+#include <system_error>
 #include <utility>
 #include <variant>
+#include <vector>
 
 #include "server/http/connection_pool.h"
 #include "server/http/departure_watch.h"
 #include "server/http/exchange.h"
+#include "server/http/listener.h"
 #include "server/http/time_text.h"
 
 namespace kdray::server {
@@ -43,6 +45,8 @@ using api::Problem;
 
 constexpr int kBacklog = 1024;
 constexpr std::size_t kStreamBytes = 64 * 1024;
+/// For the answers of cancelled work, which ends within 250 ms.
+constexpr std::chrono::milliseconds kCancelTime{1000};
 
 /// The only text that the library's parser reads; Show() replaces the result.
 constexpr std::string_view kPlaceholder = "GET / HTTP/1.1\r\n\r\n";
@@ -82,19 +86,6 @@ class LibraryStream final : public httplib::Stream {
  private:
   Connection& connection_;
   std::string_view unread_ = kPlaceholder;
-};
-
-/// The library's queue of connections. They are handed on at once, to ConnectionPool.
-class ImmediateQueue final : public httplib::TaskQueue {
-  // void in version 0.11; in 0.18 whether there was room.
-  using Taken = decltype(std::declval<httplib::TaskQueue&>().enqueue(nullptr));
-
- public:
-  Taken enqueue(std::function<void()> task) override {
-    task();
-    return Taken(true);
-  }
-  void shutdown() override {}
 };
 
 /// Gives the body to the library. Exceptions must not pass through the library, where they would
@@ -201,7 +192,9 @@ class Responder final : private httplib::Server {
     answer.headers.erase("Keep-Alive");
     answer.headers.erase("Accept-Ranges");
     answer.headers.erase("Connection");
-    if (exchange_->response().close) answer.set_header("Connection", "close");
+    if (const std::string_view option = exchange_->connection_option(); !option.empty()) {
+      answer.set_header("Connection", std::string(option));
+    }
     // RFC 9110, 8.6: never in a 204; in a 304 it would be the length of the answer that was not
     // sent.
     if (answer.status == 204 || answer.status == 304) answer.headers.erase("Content-Length");
@@ -215,14 +208,15 @@ class Responder final : private httplib::Server {
 
 }  // namespace
 
-class HttpServer::Impl final : public httplib::Server {
+class HttpServer::Impl final : private httplib::Server {
  public:
   Impl(HttpServerOptions options, HttpHandler& handler)
       : options_(std::move(options)),
         handler_(handler),
-        pool_(options_.max_connections,
-              [this](int fd, ConnectionPool::Slot& slot) { Serve(fd, slot); }) {
-    new_task_queue = [] { return new ImmediateQueue; };  // the library deletes it
+        pool_(
+            options_.max_connections,
+            [this](int fd, ConnectionPool::Slot& slot) { Serve(fd, slot); },
+            [this](DropReason reason) { handler_.ConnectionDropped(reason); }) {
     set_tcp_nodelay(true);
     // Not SO_REUSEPORT, the library's default, with which a second daemon would silently share the
     // port.
@@ -245,70 +239,68 @@ class HttpServer::Impl final : public httplib::Server {
       return "cannot listen on " + options_.host + ":" + std::to_string(options_.port) + ": " +
              reason;
     }
-    // The library's backlog is 5, with which bursts would wait for seconds.
-    ::listen(svr_sock_, kBacklog);
-    listener_ = fcntl(svr_sock_, F_DUPFD_CLOEXEC, 0);
-    if (listener_ < 0) return "cannot listen: " + std::string(std::strerror(errno));
+    try {
+      listener_.emplace(svr_sock_.exchange(INVALID_SOCKET), kBacklog, ListenerEvents());
+    } catch (const std::system_error& error) {
+      return "cannot listen: " + std::string(error.what());
+    }
     return std::nullopt;
   }
   int port() const { return port_; }
 
-  void Start() {
-    accept_thread_ = std::thread([this] { AcceptUntilStopped(); });
+  void Start() { listener_->Start(); }
+
+  void Drain() {
+    pool_.Drain();
+    listener_->Wake();
   }
-  void Drain() { pool_.Drain(); }
-  bool WaitUntilIdle(Clock::time_point deadline) { return pool_.WaitUntilEmpty(deadline); }
+
+  bool WaitUntilIdle(Clock::time_point deadline) {
+    if (!pool_.WaitUntilEmpty(deadline)) return false;
+    listener_->CloseQueue();
+    return pool_.WaitUntilEmpty(deadline);
+  }
+
+  void CancelWork() {
+    watch_.CancelAll();
+    pool_.WaitUntilEmpty(Clock::now() + kCancelTime);
+  }
 
   void Stop() {
-    stopping_ = true;
-    // Every accept() on the socket, now and later, returns with an error.
-    if (listener_ >= 0) shutdown(listener_, SHUT_RDWR);
-    if (accept_thread_.joinable()) accept_thread_.join();
+    if (listener_) listener_->Stop();
     watch_.CancelAll();
     pool_.Stop();
-    if (const socket_t socket = svr_sock_.exchange(INVALID_SOCKET); socket != INVALID_SOCKET) {
-      close(socket);
-    }
-    if (listener_ >= 0) close(std::exchange(listener_, -1));
   }
 
  private:
-  /// The library closes its socket when accept() reports a temporary error, such as a full table of
-  /// files (ENFILE) or a client that left early (ECONNABORTED). listener_ keeps the socket and its
-  /// queue open, so it is set again.
-  void AcceptUntilStopped() {
-    while (!stopping_) {
-      listen_after_bind();
-      svr_sock_ = INVALID_SOCKET;  // closed by the library
-      while (!stopping_) {
-        std::this_thread::sleep_for(std::chrono::milliseconds(10));
-        const int socket = fcntl(listener_, F_DUPFD_CLOEXEC, 0);
-        if (socket < 0) continue;  // no free descriptor: the same error
-        svr_sock_ = socket;
-        break;
-      }
-    }
-  }
-
-  bool process_and_close_socket(socket_t socket) override {
-    fcntl(socket, F_SETFD, FD_CLOEXEC);
-    const int yes = 1;
-    setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof(yes));
-    pool_.Accept(socket);
-    return true;
+  Listener::Events ListenerEvents() {
+    return {.accepted =
+                [this](int fd) {
+                  const int yes = 1;
+                  setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof(yes));
+                  pool_.Accept(fd);
+                },
+            .exhausted =
+                [this] {
+                  handler_.AcceptFailed();
+                  return pool_.MakeRoom();
+                },
+            .refused = [this](int fd) { pool_.Shed(fd); },
+            .tick = [this] { pool_.EndIdle(options_.drain_grace); }};
   }
 
   /// Serves one connection to its end.
   void Serve(int fd, ConnectionPool::Slot& slot) noexcept {
     handler_.ConnectionOpened();
     try {
-      Connection connection(fd);
+      Connection connection(fd, &slot.late_since());
       Responder responder(connection, slot, handler_);
       const std::string remote_addr = RemoteAddress(fd);
       auto wait = options_.head_timeout;  // a new connection is expected to send a request
       while (ServeOne(connection, responder, slot, remote_addr, wait) && slot.BecomeIdle()) {
         wait = options_.idle_timeout;
       }
+      slot.BecomeLingering();
       connection.CloseGently();
     } catch (...) {
       // Out of memory outside a request: only the connection is lost.
@@ -326,10 +318,12 @@ class HttpServer::Impl final : public httplib::Server {
                                .detail = "the server is at its limit of connections",
                                .limit = static_cast<double>(options_.max_connections)}});
     } else {
-      if (connection.WaitForByte(wait) != Connection::Read::kDone || !slot.BecomeBusy() ||
-          !ReadHead(connection, exchange)) {
+      if (connection.WaitForByte(wait) != Connection::Read::kDone ||
+          (!connection.has_head() && !slot.BecomeReading()) || !ReadHead(connection, exchange) ||
+          !slot.BecomeBusy()) {
         return false;
       }
+      exchange.set_came_before_drain(!slot.is_late());
     }
     const auto start = Clock::now();
     connection.BeginWrite(options_.answer_pace);
@@ -385,9 +379,7 @@ class HttpServer::Impl final : public httplib::Server {
   DepartureWatch watch_;
   ConnectionPool pool_;  ///< after what its threads use
   int port_ = -1;
-  int listener_ = -1;
-  std::atomic<bool> stopping_{false};
-  std::thread accept_thread_;
+  std::optional<Listener> listener_;
 };
 
 HttpServer::HttpServer(HttpServerOptions options, HttpHandler& handler)
@@ -400,6 +392,7 @@ void HttpServer::Drain() { impl_->Drain(); }
 bool HttpServer::WaitUntilIdle(std::chrono::steady_clock::time_point deadline) {
   return impl_->WaitUntilIdle(deadline);
 }
+void HttpServer::CancelWork() { impl_->CancelWork(); }
 void HttpServer::Stop() { impl_->Stop(); }
 
 }  // namespace kdray::server

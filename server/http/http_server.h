@@ -23,6 +23,8 @@ struct HttpServerOptions {
   std::chrono::milliseconds head_timeout{
       5000};  ///< from the first byte of a request to the end of its head
   std::chrono::milliseconds idle_timeout{15000};  ///< between two requests of a connection
+  /// How long Drain() lets idle connections wait for a request that may be on its way.
+  std::chrono::milliseconds drain_grace{1000};
   PaceLimit body_pace;
   PaceLimit answer_pace;
 };
@@ -42,11 +44,14 @@ class HttpServer {
   int port() const;
   /// Starts accepting in a separate thread, until Stop(), whatever accept() reports.
   void Start();
-  /// Closes idle connections at once, others after their current answer; new ones still get one
-  /// request each.
+  /// Every connection ends with its next answer, which says so, or when it was idle for
+  /// `drain_grace`. New ones still get one request each.
   void Drain();
-  /// After Drain(): true when no request is running, false at the deadline.
+  /// After Drain(): true when no connection is left, false at the deadline. Before it returns true,
+  /// it stops accepting, and answers the connections that were in the queue.
   bool WaitUntilIdle(std::chrono::steady_clock::time_point deadline);
+  /// Cancels all work, and gives its answers a moment to leave.
+  void CancelWork();
   /// Stops accepting, closes every connection and waits for its handler.
   void Stop();
 

@@ -68,6 +68,9 @@ struct HttpRequest {
   HttpPeer* peer =
       nullptr;  ///< valid while the request is handled; null for a request with an invalid head
   std::chrono::steady_clock::time_point received;  ///< the time when its head was complete
+  /// Its connection was open when the server began to drain: it is still served, as the last one of
+  /// its connection.
+  bool came_before_drain = false;
 };
 
 /// The bytes of an answer: owned, in one piece or several; static; or read while they are sent.
@@ -131,6 +134,13 @@ struct HttpRecord {
   bool complete = false;        ///< the client took the whole answer
 };
 
+/// Why a connection was ended for want of room.
+enum class DropReason : std::uint8_t {
+  kEvicted,  ///< idle, or its client slow; another one took its place
+  kRefused,  ///< new, and answered with `overloaded`
+  kClosed,   ///< new, and closed without an answer
+};
+
 /// The service that the adaptor calls, from many threads at once.
 class HttpHandler {
  public:
@@ -142,6 +152,9 @@ class HttpHandler {
   /// A connection was accepted, and one was closed.
   virtual void ConnectionOpened() noexcept {}
   virtual void ConnectionClosed() noexcept {}
+  virtual void ConnectionDropped(DropReason) noexcept {}
+  /// The system accepted no connection, for want of descriptors or memory. Called for each attempt.
+  virtual void AcceptFailed() noexcept {}
 };
 
 }  // namespace kdray::server

@@ -64,7 +64,7 @@ class HeadParser {
     if (auto problem = ParseFields()) return problem;
     if (auto problem = CheckHost()) return problem;
     if (auto problem = CheckFraming()) return problem;
-    head_.expects_continue = EqualsIgnoringCase(Value("Expect"), "100-continue") && !is_1_0_;
+    head_.expects_continue = EqualsIgnoringCase(Value("Expect"), "100-continue") && !head_.is_1_0;
     return std::nullopt;
   }
   RequestHead& head() { return head_; }
@@ -101,7 +101,7 @@ class HeadParser {
     if (version != "HTTP/1.1" && version != "HTTP/1.0") {
       return Malformed("only HTTP/1.1 and HTTP/1.0 are supported");
     }
-    is_1_0_ = version == "HTTP/1.0";
+    head_.is_1_0 = version == "HTTP/1.0";
     return SetTarget(target);
   }
 
@@ -150,14 +150,15 @@ class HeadParser {
       head_.headers.Add(name, value);
     }
     const std::string_view connection = Value("Connection");
-    head_.keep_alive = is_1_0_ ? ListHas(connection, "keep-alive") : !ListHas(connection, "close");
+    head_.keep_alive =
+        head_.is_1_0 ? ListHas(connection, "keep-alive") : !ListHas(connection, "close");
     return std::nullopt;
   }
 
   std::optional<Problem> CheckHost() const {
     const std::size_t hosts = head_.headers.Count("Host");
     if (hosts > 1) return Malformed("there is more than one Host header");
-    if (hosts == 0 && !is_1_0_) return Malformed("the Host header is missing");
+    if (hosts == 0 && !head_.is_1_0) return Malformed("the Host header is missing");
     return std::nullopt;
   }
 
@@ -185,7 +186,7 @@ class HeadParser {
       return Malformed("Content-Length and Transfer-Encoding exclude each other");
     }
     // RFC 9112, 6.1: its length is uncertain, because HTTP/1.0 knows no transfer coding.
-    if (is_1_0_) return Malformed("a request of HTTP/1.0 has no Transfer-Encoding");
+    if (head_.is_1_0) return Malformed("a request of HTTP/1.0 has no Transfer-Encoding");
     const std::string_view coding = Value("Transfer-Encoding");
     if (head_.headers.Count("Transfer-Encoding") != 1 || !EqualsIgnoringCase(coding, "chunked")) {
       return Problem{.code = ErrorCode::kLengthRequired,
@@ -206,7 +207,6 @@ class HeadParser {
   std::string_view rest_;
   const HeadLimits& limits_;
   RequestHead head_;
-  bool is_1_0_ = false;
 };
 
 }  // namespace

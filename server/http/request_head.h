@@ -29,6 +29,7 @@ struct RequestHead {
   bool chunked = false;              ///< the body has a length that its end tells
   bool expects_continue = false;
   bool keep_alive = true;
+  bool is_1_0 = false;  ///< HTTP/1.0, which ends a connection unless both sides say keep-alive
 };
 
 /// An error, with the parts of the head that were parsed before it, for the log and for HEAD.

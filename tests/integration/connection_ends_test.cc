@@ -27,6 +27,9 @@ class WatchingHandler final : public test::RecordingHandler {
  public:
   HttpResponse Handle(const HttpRequest& request) override {
     ++begun;
+    if (request.path == "/refuse") {
+      return Refuse(request, {.code = api::ErrorCode::kBodyTooLarge, .detail = "too large"});
+    }
     std::string body;
     if (const auto problem = ReadBody(request, &body)) return Refuse(request, *problem);
     bool has_left = false;
@@ -64,6 +67,7 @@ class ConnectionEnds : public testing::Test {
     options.head_timeout = options.idle_timeout = 300ms;
     options.body_pace = {.grace = 300ms, .bytes_per_second = 100'000, .stall = 300ms};
     options.answer_pace = options.body_pace;
+    options.drain_grace = 50ms;
     return options;
   }
   int port() const { return server_.port(); }
@@ -123,6 +127,17 @@ TEST_F(ConnectionEnds, AreSeenAtOnceWhenTheServerDrains) {
   EXPECT_TRUE(server_.WaitUntilIdle(Clock::now() + 2s));
 }
 
+TEST_F(ConnectionEnds, AreSaidInAnAnswerToAClientThatAsksWhileTheServerBeginsToDrain) {
+  WatchedClientOf client(port());
+  server_.Drain();
+  client.Send(MakeRequest("POST", "/short", "more"));
+  const auto answer = client.Read();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->body, "/short more");
+  EXPECT_EQ(answer->Header("connection"), "close");
+  EXPECT_TRUE(client.IsClosed(2s));
+}
+
 TEST_F(ConnectionEnds, AreSeenAtOnceAfterTheAnswerUnderWayWhenTheServerDrains) {
   RawClient client(port());
   client.Send(MakeRequest("GET", "/long"));
@@ -166,6 +181,27 @@ TEST_F(ConnectionEnds, AreSeenByAClientThatReadsTooLate) {
   const auto start = Clock::now();
   EXPECT_TRUE(client.IsClosed(2s));
   EXPECT_LT(Clock::now() - start, 1s);
+}
+
+TEST_F(ConnectionEnds, WaitUntilARefusedBodyHasBeenSent) {
+  handler_.let_go = true;
+  for (const bool chunked : {false, true}) {
+    RawClient client(port());
+    // Its body is refused at the first byte; the client reads after the last one.
+    const std::string piece(100'000, 'x');
+    client.Send("POST /refuse HTTP/1.1\r\nHost: h\r\n" +
+                std::string(chunked ? "Transfer-Encoding: chunked" : "Content-Length: 20000000") +
+                "\r\n\r\n");
+    for (int i = 0; i < 200; ++i) {
+      ASSERT_TRUE(client.Send(chunked ? "186a0\r\n" + piece + "\r\n" : piece)) << i;
+    }
+    if (chunked) client.Send("0\r\n\r\n");
+    const auto answer = client.Read();
+    ASSERT_TRUE(answer);
+    EXPECT_EQ(answer->status, 413);
+    EXPECT_EQ(answer->Header("connection"), "close");
+    EXPECT_TRUE(client.IsClosed(2s));
+  }
 }
 
 TEST_F(ConnectionEnds, AreNotBroughtByAClientThatOnlyHalfCloses) {

@@ -32,6 +32,10 @@ class EchoHandler final : public test::RecordingHandler {
     if (request.path == "/throw") throw std::runtime_error("secret /etc/x");
     if (request.path == "/throw-other") throw 42;
     if (request.path == "/throw-memory") throw std::bad_alloc();
+    if (request.path == "/throw-always") {
+      throws_always = true;
+      throw std::runtime_error("secret");
+    }
     if (request.path == "/throw-in-body") {
       response.body = HttpBody::Streamed(100, [](std::uint64_t, std::span<std::byte>) -> bool {
         throw std::runtime_error("secret");
@@ -83,7 +87,18 @@ class EchoHandler final : public test::RecordingHandler {
     return response;
   }
 
+  void ConnectionDropped(DropReason reason) noexcept override {
+    ++(reason == DropReason::kEvicted ? evicted : refused);
+  }
+
+  HttpResponse Refuse(const HttpRequest& request, const api::Problem& problem) override {
+    if (throws_always.exchange(false)) throw std::logic_error("secret");
+    return RecordingHandler::Refuse(request, problem);
+  }
+
+  std::atomic<bool> throws_always{false};
   std::atomic<int> handled{0};
+  std::atomic<int> evicted{0}, refused{0};
 };
 
 class HttpServerTest : public testing::Test {
@@ -236,6 +251,15 @@ TEST_F(HttpServerTest, HidesWhatAHandlerThrows) {
   EXPECT_EQ(handler_.RecordOf("/throw").cause, "secret /etc/x");
 }
 
+TEST_F(HttpServerTest, OutlivesAHandlerThatThrowsWhileItRefuses) {
+  const auto answer = Ask(port(), MakeRequest("GET", "/throw-always"));
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 500);
+  EXPECT_EQ(answer->body, "");
+  EXPECT_EQ(answer->headers.count("exception_what"), 0U);
+  EXPECT_EQ(Ask(port(), MakeRequest("GET", "/echo"))->status, 200);
+}
+
 TEST_F(HttpServerTest, BreaksAnAnswerOffWhenItsBodyThrows) {
   RawClient client(port());
   client.Send(MakeRequest("GET", "/throw-in-body"));
@@ -317,6 +341,20 @@ TEST_F(HttpServerTest, ClosesWhenTheClientAsksForIt) {
   RawClient old(port());
   old.Send("GET /echo HTTP/1.0\r\n\r\n");
   EXPECT_EQ(old.Read()->status, 200);
+  EXPECT_TRUE(old.IsClosed(5s));
+}
+
+TEST_F(HttpServerTest, TellsAClientOfHttp10WhetherItsConnectionIsKept) {
+  RawClient old(port());
+  for (int i = 0; i < 3; ++i) {
+    old.Send("GET /echo HTTP/1.0\r\nConnection: keep-alive\r\n\r\n");
+    const auto answer = old.Read();
+    ASSERT_TRUE(answer);
+    EXPECT_EQ(answer->status, 200);
+    EXPECT_EQ(answer->Header("connection"), "keep-alive");
+  }
+  old.Send("GET /refuse-unread HTTP/1.0\r\nConnection: keep-alive\r\n\r\n");
+  EXPECT_EQ(old.Read()->Header("connection"), "close");
   EXPECT_TRUE(old.IsClosed(5s));
 }
 
@@ -510,6 +548,39 @@ TEST_F(CrowdedHttpServer, ClosesTheLongestIdleConnectionToLetANewOneIn) {
   EXPECT_TRUE(second.Read());
 }
 
+TEST_F(CrowdedHttpServer, ClosesTheSlowestHeadToLetANewOneIn) {
+  RawClient first(port()), second(port());
+  first.Send("GET /echo HTTP/1.1\r\nHo");
+  std::this_thread::sleep_for(30ms);  // real time: slow is what has begun long ago
+  second.Send("GET /echo HTTP/1.1\r\nHo");
+  std::this_thread::sleep_for(30ms);
+  EXPECT_EQ(Ask(port(), MakeRequest("GET", "/third"))->body, "GET /third ");
+  EXPECT_TRUE(first.IsClosed(2s));
+  second.Send("st: h\r\n\r\n");
+  EXPECT_EQ(second.Read()->body, "GET /echo ");
+  EXPECT_EQ(handler_.evicted, 1);
+}
+
+TEST_F(CrowdedHttpServer, ClosesTheLatestBodyToLetANewOneIn) {
+  RawClient first(port()), second(port());
+  for (RawClient* client : {&first, &second}) {
+    client->Send("POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 8\r\n\r\nhalf");
+    std::this_thread::sleep_for(400ms);  // real time: late is what has been slow for half a second
+  }
+  EXPECT_EQ(Ask(port(), MakeRequest("GET", "/third"))->body, "GET /third ");
+  EXPECT_TRUE(first.IsClosed(2s));
+  second.Send("half");
+  EXPECT_EQ(second.Read()->body, "POST /echo halfhalf");
+}
+
+TEST_F(CrowdedHttpServer, ClosesAReaderThatDoesNotReadToLetANewOneIn) {
+  RawClient first(port()), second(port());
+  for (RawClient* client : {&first, &second}) client->Send(MakeRequest("GET", "/large"));
+  std::this_thread::sleep_for(700ms);  // real time: late is what has been slow for half a second
+  EXPECT_EQ(Ask(port(), MakeRequest("GET", "/third"))->body, "GET /third ");
+  EXPECT_EQ(handler_.evicted, 1);
+}
+
 TEST_F(CrowdedHttpServer, RefusesAtOnceWhenEveryConnectionIsBusy) {
   RawClient first(port()), second(port());
   for (RawClient* client : {&first, &second}) {
@@ -524,6 +595,7 @@ TEST_F(CrowdedHttpServer, RefusesAtOnceWhenEveryConnectionIsBusy) {
     EXPECT_EQ(answer->body, "overloaded");
     EXPECT_LT(std::chrono::steady_clock::now() - start, 500ms);
   }
+  EXPECT_EQ(handler_.refused, 5);
   handler_.let_go = true;
   EXPECT_TRUE(first.Read());
   EXPECT_TRUE(second.Read());

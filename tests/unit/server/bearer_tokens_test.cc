@@ -30,5 +30,14 @@ TEST(BearerTokens, NamesTheLineOfATokenThatNoHeaderCanCarry) {
   EXPECT_FALSE(BearerTokens::Parse("t\xc3\xb6ken").ok());
 }
 
+TEST(TokenGate, AsksForTheTokensThatItWasGivenLast) {
+  TokenGate gate(*BearerTokens::Parse("old\n"));
+  EXPECT_TRUE(gate.Allows("Bearer old"));
+  gate.Replace(*BearerTokens::Parse("new\nother\n"));
+  EXPECT_FALSE(gate.Allows("Bearer old"));
+  EXPECT_TRUE(gate.Allows("Bearer new"));
+  EXPECT_TRUE(gate.Allows("Bearer other"));
+}
+
 }  // namespace
 }  // namespace kdray::server

@@ -117,6 +117,20 @@ TEST(Metrics, FollowTheRulesOfPrometheusForNames) {
   EXPECT_GE(units.size(), 5U);
 }
 
+TEST(Metrics, CountConnectionsThatFoundNoRoom) {
+  Metrics metrics(Routes());
+  metrics.ConnectionDropped(DropReason::kEvicted);
+  metrics.ConnectionDropped(DropReason::kEvicted);
+  metrics.ConnectionDropped(DropReason::kRefused);
+  metrics.AcceptFailed();
+  Exposition parsed = Parse(metrics.Text({}));
+  const std::string name = "kdray_http_dropped_connections_total";
+  EXPECT_EQ(parsed.series[name + "{reason=\"evicted\"}"], 2);
+  EXPECT_EQ(parsed.series[name + "{reason=\"refused\"}"], 1);
+  EXPECT_EQ(parsed.series[name + "{reason=\"closed\"}"], 0);
+  EXPECT_EQ(parsed.series["kdray_http_accept_failures_total"], 1);
+}
+
 TEST(Metrics, CountRequestsByRouteAndStatus) {
   Metrics metrics(Routes());
   for (int i = 0; i < 3; ++i) metrics.Answered(Record("/v1/trees/{id}/rays/any", 200));

@@ -235,6 +235,18 @@ TEST_F(ServiceTest, AnswersOnlyOpenPathsWhileItDrains) {
   }
 }
 
+TEST_F(ServiceTest, StillAnswersTheConnectionsThatCameBeforeItDrains) {
+  service_.Drain();
+  FakePeer peer;
+  HttpRequest request;
+  request.method = "GET";
+  request.path = "/v1";
+  request.peer = &peer;
+  EXPECT_EQ(service_.Handle(request).status, 503);
+  request.came_before_drain = true;
+  EXPECT_EQ(service_.Handle(request).status, 200);
+}
+
 TEST_F(ServiceTest, EveryProblemIsAnsweredWithStatusAndRetryAfterOfItsRow) {
   const std::string path = "/v1/trees/" + Upload("mesh") + "/cells?depth=1";
   for (const api::ErrorRow& row : api::ErrorTable()) {
