@@ -63,6 +63,7 @@ python3-requests
 python3-setuptools
 python3-venv
 python3-wheel
+strace
 zsh
 zstd
 END
