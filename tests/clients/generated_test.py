@@ -39,7 +39,8 @@ def install():
     if mark.exists() and mark.read_text() == manifest:
         return
     Path(FOLDER, "package.json").write_text(manifest)
-    ended = subprocess.run(["npm", "install", "--no-audit", "--no-fund", "--ignore-scripts", "--no-package-lock"],
+    ended = subprocess.run(["npm", "install", "--no-audit", "--no-fund", "--ignore-scripts", "--no-package-lock",
+                            "--fetch-retries", "0"],
                            cwd=FOLDER, capture_output=True, text=True)
     if ended.returncode:
         print(ended.stderr[-1000:])
