@@ -96,13 +96,26 @@ class CommandTest(unittest.TestCase):
             flags = [] if query == "closest" else ["--" + query]
             done = self.ok("rays", tree, rays, "-o", hits, *flags)
             self.assertIn("150,000 rays", done.stderr)
-            self.assertIn("1 invalid rows", done.stderr)
+            self.assertIn("1 invalid row", done.stderr)
             with open(rays, "rb") as body:
                 request = urllib.request.Request(f"{self.daemon.url}/v1/trees/{tree}/rays/{query}", body.read())
             whole = np.load(io.BytesIO(urllib.request.urlopen(request).read()))
             parts = np.load(hits)
             self.assertEqual((parts.shape, parts.dtype), (whole.shape, whole.dtype), query)
             self.assertEqual(parts.tobytes(), whole.tobytes(), query)
+
+    def test_a_batch_may_be_larger_than_the_server_takes_at_once(self):
+        with Daemon(KDRAYD, "--max-rays", "700", "--max-pixels", "900") as narrow:
+            rays, hits = self.path("large.npy"), self.path("large-hits.npy")
+            self.ok("sample-rays", "-n", "2000", "-o", rays)
+            for arguments in (["rays", self.teapot, rays, "-o", hits], ["rays", self.teapot, rays, "-o", hits, "--all"],
+                              ["scan", self.teapot, "-o", self.path("s.npy"), "--size", "60x40"],
+                              ["scan", self.teapot, "-o", self.path("s.npy"), "--size", "600x1", "--elevations", "0,1,2"]):
+                done = self.kdray(*arguments, server=narrow.url)
+                self.assertEqual(done.returncode, 0, done.stderr)
+            self.kdray("rays", self.teapot, rays, "-o", hits, server=narrow.url)
+            self.ok("rays", self.teapot, rays, "-o", self.path("whole.npy"))
+            np.testing.assert_array_equal(np.load(hits), np.load(self.path("whole.npy")))
 
     def test_visibility_of_two_sets_is_that_of_the_segments(self):
         sphere, seen = self.path("visible.stl"), self.path("seen.npy")

@@ -70,10 +70,10 @@ std::string AnswerFacts::Text() const {
   std::string text;
   const auto add = [&](const std::string& fact) { text += (text.empty() ? "" : ", ") + fact; };
   if (!precision.empty()) add(precision + " precision");
-  if (samples) add(CountText(*samples) + (*samples == 1 ? " sample" : " samples") + " a pixel");
+  if (samples) add(CountedText(*samples, "samples") + " a pixel");
   if (trace_ms) add("traced in " + DurationText(*trace_ms));
-  if (invalid.value_or(0) > 0) add(CountText(*invalid) + " invalid rows");
-  if (truncated.value_or(0) > 0) add(CountText(*truncated) + " rows cut short");
+  if (invalid.value_or(0) > 0) add(CountedText(*invalid, "invalid rows"));
+  if (truncated.value_or(0) > 0) add(CountedText(*truncated, "rows") + " cut short");
   return text;
 }
 

@@ -198,17 +198,23 @@ Rows ReadRows(const Payload& bytes, const RowForm& form) {
 }
 
 std::string RowsText(const Rows& rows, const char* noun) {
-  return rows.header ? CountText(rows.count) + " " + noun : noun;
+  return rows.header ? CountedText(rows.count, noun) : noun;
 }
 
 AnswerFacts RunBatch(Client& client, const std::string& id, const BatchQuery& query,
                      const Rows& rows, OutputFile& file, ProgressBar& bar) {
-  if (query.wants_json || !IsSplit(rows)) {
+  const bool may_split = rows.CanBeSplit() && rows.count > 0 && !query.wants_json;
+  if (!may_split || !IsSplit(rows)) {
     const auto on_sent = [&](std::uint64_t sent) { bar.Update(static_cast<double>(sent)); };
-    const Answer answer = client.Query(id, query.path, query.options, rows.bytes,
-                                       query.wants_json ? "application/json" : kNpyType, on_sent);
-    file.Write(answer.body);
-    return AnswerFacts::Of(answer.response);
+    try {
+      const Answer answer = client.Query(id, query.path, query.options, rows.bytes,
+                                         query.wants_json ? "application/json" : kNpyType, on_sent);
+      file.Write(answer.body);
+      return AnswerFacts::Of(answer.response);
+    } catch (const Refusal& refusal) {
+      // A server that takes less than our smallest part.
+      if (!may_split || refusal.problem.code != "too_many_rays") throw;
+    }
   }
   // Without an axis of rows, as of one point of shape (3,), the batch is small and not split.
   std::vector<std::uint64_t> leading(rows.header->shape.begin(), rows.header->shape.end() - 1);

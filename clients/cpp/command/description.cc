@@ -56,14 +56,14 @@ std::string Join(const std::vector<std::string>& parts, const char* separator = 
   return text;
 }
 
-// "12 nodes", or "" if the number is missing.
-std::string With(const std::string& number, const char* unit) {
-  return number.empty() ? std::string() : number + " " + unit;
+// "12 nodes", "1 node", or "" if the number is missing.
+std::string With(const std::string& number, const char* one, const char* many) {
+  return number.empty() ? std::string() : number + " " + (number == "1" ? one : many);
 }
 
 // Like With, but "" for zero, so the health line of a sound mesh is short.
-std::string Unless0(const std::string& number, const char* unit) {
-  return number == "0" ? std::string() : With(number, unit);
+std::string Unless0(const std::string& number, const char* one, const char* many) {
+  return number == "0" ? std::string() : With(number, one, many);
 }
 
 std::string HealthOf(const Fields& health) {
@@ -71,12 +71,14 @@ std::string HealthOf(const Fields& health) {
                              : health.Is("closed", false) ? "not closed"
                                                           : "";
   const std::string resolution = health.Number("coordinate_resolution");
-  return Join({closed, Unless0(health.Count("open_edges"), "open edges"),
-               Unless0(health.Count("non_manifold_edges"), "edges with more than two triangles"),
-               Unless0(health.Count("degenerate"), "triangles without area"),
-               Unless0(health.Count("duplicate"), "triangles twice"),
-               Unless0(health.Count("concave"), "concave polygons"),
-               resolution.empty() ? "" : "coordinates " + resolution + " apart"});
+  return Join(
+      {closed, Unless0(health.Count("open_edges"), "open edge", "open edges"),
+       Unless0(health.Count("non_manifold_edges"), "edge with more than two triangles",
+               "edges with more than two triangles"),
+       Unless0(health.Count("degenerate"), "triangle without area", "triangles without area"),
+       Unless0(health.Count("duplicate"), "triangle twice", "triangles twice"),
+       Unless0(health.Count("concave"), "concave polygon", "concave polygons"),
+       resolution.empty() ? "" : "coordinates " + resolution + " apart"});
 }
 
 }  // namespace
@@ -85,10 +87,10 @@ std::string SummaryOf(const Document& description) {
   const Fields fields(description);
   const Fields mesh = fields["mesh"];
   const Fields tree = fields["tree"];
-  const std::string nodes = With(tree.Count("nodes"), "nodes");
+  const std::string nodes = With(tree.Count("nodes"), "node", "nodes");
   const std::string build = tree.Text("build");
   const std::string built = tree.Duration("build_ms");
-  return Join({With(mesh.Count("triangles"), "triangles"),
+  return Join({With(mesh.Count("triangles"), "triangle", "triangles"),
                build.empty() ? nodes : Join({build, nodes}, ": "),
                built.empty() ? "" : "built in " + built});
 }
@@ -111,10 +113,10 @@ std::string DetailsOf(const Document& description) {
                    ? "building, " + std::to_string(percent) + "% done"
                    : fields.Text("state"));
   add("created", fields.Text("created_at"));
-  add("mesh",
-      Join({mesh.Text("format"), mesh.Bytes("bytes"), With(mesh.Count("triangles"), "triangles"),
-            With(mesh.Count("vertices"), "vertices"),
-            Unless0(mesh.Count("dropped"), "faces dropped")}));
+  add("mesh", Join({mesh.Text("format"), mesh.Bytes("bytes"),
+                    With(mesh.Count("triangles"), "triangle", "triangles"),
+                    With(mesh.Count("vertices"), "vertex", "vertices"),
+                    Unless0(mesh.Count("dropped"), "face dropped", "faces dropped")}));
   add("bounds", Join({mesh["bounds"].Vector("min"), mesh["bounds"].Vector("max")}, "  to  "));
   const auto named = [&](const char* name, const std::string& number) {
     return number.empty() ? "" : name + (" " + number);
@@ -122,10 +124,10 @@ std::string DetailsOf(const Document& description) {
   add("surface",
       Join({named("area", mesh.Number("area")), named("volume", mesh.Number("volume"))}));
   add("health", HealthOf(mesh["health"]));
-  add("tree",
-      Join({tree.Text("build"), With(tree.Count("nodes"), "nodes"),
-            With(tree.Count("leaves"), "leaves"), With(tree.Count("empty_leaves"), "of them empty"),
-            With(tree.Count("references"), "references")}));
+  add("tree", Join({tree.Text("build"), With(tree.Count("nodes"), "node", "nodes"),
+                    With(tree.Count("leaves"), "leaf", "leaves"),
+                    With(tree.Count("empty_leaves"), "of them empty", "of them empty"),
+                    With(tree.Count("references"), "reference", "references")}));
   add("", Join({tree.Count("max_depth").empty() ? "" : "depth " + tree.Count("max_depth"),
                 tree.Bytes("bytes"),
                 tree.Number("sah_cost").empty() ? "" : "SAH cost " + tree.Number("sah_cost")}));

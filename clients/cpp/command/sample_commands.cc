@@ -85,7 +85,7 @@ void WriteRays(const RayOptions& options, Session& session) {
   }
   file.Commit();
   session.Report({{"file", Document(options.output)}, {"rays", Document(options.count)}},
-                 options.output + ": " + CountText(options.count) + " rays");
+                 options.output + ": " + CountedText(options.count, "rays"));
 }
 
 Subcommand SampleCommand(Session& session) {

@@ -51,6 +51,10 @@ std::string ValueOf(const Parameters& fields, const std::string& name) {
   return {};
 }
 
+std::uint64_t LimitOf(Client& client, const char* name) {
+  return client.ServiceInfo()["limits"][name].Count().value_or(kMostRaysOfAPart);
+}
+
 struct Scan {
   std::string points;  // rows of three doubles
   std::uint64_t rays = 0;
@@ -58,9 +62,12 @@ struct Scan {
 };
 
 // Rows of the scan that are asked for together: those of a part's time, at the speed so far.
+// `limit` is the server's, in rays.
 template <class Ask>
-void AskInParts(std::uint64_t rows, std::uint64_t columns, ProgressBar& bar, const Ask& ask) {
-  std::uint64_t part = std::max<std::uint64_t>(kFirstRays / columns, 1);
+void AskInParts(std::uint64_t rows, std::uint64_t columns, std::uint64_t limit, ProgressBar& bar,
+                const Ask& ask) {
+  limit = std::min(limit, kMostRaysOfAPart);
+  std::uint64_t part = std::max<std::uint64_t>(std::min(kFirstRays, limit) / columns, 1);
   bar.Update(0);
   for (std::uint64_t done = 0; done < rows;) {
     const std::uint64_t count = std::min(part, rows - done);
@@ -70,8 +77,8 @@ void AskInParts(std::uint64_t rows, std::uint64_t columns, ProgressBar& bar, con
     done += count;
     bar.Update(static_cast<double>(done * columns));
     const double wanted = static_cast<double>(count) * kPartSeconds / std::max(took.count(), 1e-6);
-    const auto most = static_cast<double>(
-        std::max<std::uint64_t>(std::min(4 * count, kMostRaysOfAPart / columns), 1));
+    const auto most =
+        static_cast<double>(std::max<std::uint64_t>(std::min(4 * count, limit / columns), 1));
     part = static_cast<std::uint64_t>(std::clamp(wanted, 1.0, most));
   }
 }
@@ -87,7 +94,8 @@ Scan ScanByImage(Client& client, const std::string& id, const Options& options,
                                {"height", std::to_string(size.height)}});
   Scan scan = {.points = {}, .rays = size.width * size.height, .facts = {}};
   ProgressBar bar = session.Bar("scanning", static_cast<double>(scan.rays), {.name = "rays"});
-  AskInParts(size.height, size.width, bar, [&](std::uint64_t first, std::uint64_t count) {
+  const std::uint64_t limit = LimitOf(client, "max_pixels");
+  AskInParts(size.height, size.width, limit, bar, [&](std::uint64_t first, std::uint64_t count) {
     Parameters region = fields;
     region.emplace_back("region", "0," + std::to_string(first) + "," + std::to_string(size.width) +
                                       "," + std::to_string(first + count));
@@ -141,7 +149,8 @@ Scan ScanByBeams(Client& client, const std::string& id, const Options& options,
   }
   Scan scan = {.points = {}, .rays = rays.size(), .facts = {}};
   ProgressBar bar = session.Bar("scanning", static_cast<double>(scan.rays), {.name = "rays"});
-  AskInParts(rays.size(), 1, bar, [&](std::uint64_t first, std::uint64_t count) {
+  const std::uint64_t limit = LimitOf(client, "max_rays");
+  AskInParts(rays.size(), 1, limit, bar, [&](std::uint64_t first, std::uint64_t count) {
     std::string body = EncodeNpyHeader({.descr = "<f8", .shape = {count, 6}});
     body.append(reinterpret_cast<const char*>(&rays[first]), count * sizeof(Ray));
     const Answer answer = client.Query(
@@ -173,8 +182,8 @@ void RunScan(const Options& options, Session& session) {
                                                            {"points", Document(points)}};
   for (auto& member : scan.facts.Members()) members.push_back(std::move(member));
   const std::string text = scan.facts.Text();
-  session.Report(members, options.output + ": " + CountText(points) + " points of " +
-                              CountText(scan.rays) + " rays" + (text.empty() ? "" : ", " + text));
+  session.Report(members, options.output + ": " + CountedText(points, "points") + " of " +
+                              CountedText(scan.rays, "rays") + (text.empty() ? "" : ", " + text));
 }
 
 }  // namespace

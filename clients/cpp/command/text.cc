@@ -42,6 +42,11 @@ std::string CountText(std::uint64_t count) {
   return text;
 }
 
+std::string CountedText(std::uint64_t count, std::string plural) {
+  if (count == 1) plural.pop_back();
+  return CountText(count) + " " + plural;
+}
+
 std::string ByteText(double bytes) {
   constexpr std::array kUnits = {"B", "KiB", "MiB", "GiB", "TiB"};
   std::size_t unit = 0;

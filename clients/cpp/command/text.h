@@ -11,6 +11,9 @@ namespace kdray::client {
 /// 69451 -> "69,451".
 std::string CountText(std::uint64_t count);
 
+/// (1, "rays") -> "1 ray", (5000, "invalid rows") -> "5,000 invalid rows". @pre `plural` ends in s.
+std::string CountedText(std::uint64_t count, std::string plural);
+
 /// 3033195 -> "2.9 MiB".
 std::string ByteText(double bytes);
 

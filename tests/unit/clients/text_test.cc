@@ -15,6 +15,8 @@ TEST(Text, GroupsDigitsByThree) {
   EXPECT_EQ(CountText(999), "999");
   EXPECT_EQ(CountText(1000), "1,000");
   EXPECT_EQ(CountText(1234567), "1,234,567");
+  EXPECT_EQ(CountedText(1, "invalid rows"), "1 invalid row");
+  EXPECT_EQ(CountedText(1000, "rays"), "1,000 rays");
 }
 
 TEST(Text, ChoosesAUnitThatLeavesThreeDigitsAtMost) {
