@@ -53,8 +53,8 @@ class DaskTest(unittest.TestCase):
         cls.folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="kdray-dask-")))
         cls.daemons = [stack.enter_context(Daemon(KDRAYD, "--threads", "1")) for _ in range(3)]
         cls.local = stack.enter_context(distributed.LocalCluster(
-            n_workers=2, threads_per_worker=2, processes=True, dashboard_address=None, silence_logs=60,
-            local_directory=str(cls.folder)))
+            n_workers=2, threads_per_worker=2, processes=True, dashboard_address=None,
+            silence_logs=60, local_directory=str(cls.folder)))
         cls.cluster = stack.enter_context(distributed.Client(cls.local))
         cls.cluster.wait_for_workers(2)
         cls.servers = kdray.dask.Servers(cls.cluster, [daemon.url for daemon in cls.daemons],
