@@ -3,7 +3,7 @@
 /** What most programs that write a format do. */
 const HABITS = { glb: 'y', gltf: 'y', obj: 'y', ply: 'y', off: 'y', stl: 'z' };
 
-const FLAT = 0.3; // of the next smaller side: terrain, plates
+const FLAT = 0.35; // of the smaller other side: terrain, plates
 const ON_GROUND = 1e-3; // of the height
 
 /** @param mesh the contract's description of a mesh */
