@@ -14,6 +14,9 @@ command line takes precedence. The service of systemd reads \\fI/etc/default/kdr
 .TP
 \\fBSIGTERM\\fR, \\fBSIGINT\\fR
 Finish the requests in work, refuse others, and exit with 0.
+.TP
+\\fBSIGHUP\\fR
+Read the token file again. An invalid file changes nothing.
 .SH EXIT STATUS
 .TP
 \\fB0\\fR

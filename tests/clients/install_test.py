@@ -53,6 +53,10 @@ class UnitProcess:
                                         text=True, env=environment)
         self.url = re.match(r"kdrayd listening on (http://\S+)", self.process.stdout.readline())[1]
 
+    def reload(self):
+        command = dict(self.settings)["ExecReload"].replace("$MAINPID", str(self.process.pid))
+        subprocess.run(command.split(), check=True)
+
     def stop(self):
         self.process.send_signal(signal.SIGTERM)
         code = self.process.wait(timeout=30)
@@ -140,6 +144,7 @@ class InstallTest(unittest.TestCase):
         self.assertEqual(service.stop(), 0)
         self.assertTrue((state / "kdray").is_dir())
         service = UnitProcess(unit, state)
+        service.reload()
         self.assertIn(tree[:12], run(KDRAY, "--server", service.url, "list"))
         self.assertEqual(service.stop(), 0)
 
