@@ -41,8 +41,9 @@ def mesh(number):
 class Replicas:
     """Context manager: server/deploy/local on a free port."""
 
-    def __init__(self, number=3, **environment):
-        self.folder = tempfile.mkdtemp(prefix="kdray-replicas-")
+    def __init__(self, number=3, folder=None, **environment):
+        self._own_folder = folder is None
+        self.folder = folder or tempfile.mkdtemp(prefix="kdray-replicas-")
         self._process = subprocess.Popen(
             [sys.executable, str(ROOT / "server/deploy/local"), "--replicas", str(number), "--port",
              "0", "--data-dir", self.folder, "--kdrayd", KDRAYD, "--", "--threads", "1"],
@@ -114,7 +115,8 @@ class Replicas:
         self._process.wait(timeout=60)
         self._reader.join()
         self._process.stdout.close()
-        shutil.rmtree(self.folder, ignore_errors=True)
+        if self._own_folder:
+            shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def request(port, method, path, body=None, connection=None):
@@ -265,6 +267,37 @@ class ReplicasTest(unittest.TestCase):
         self.replicas.wait_for_return(home, old)
         self.assertEqual(len(self.holders(tree.id)), 2)
         self.assertEqual(self.home(tree.id), home)
+
+
+class JoiningTest(unittest.TestCase):
+    def test_a_replica_that_joins_with_the_stores_of_the_others_loses_no_tree(self):
+        with tempfile.TemporaryDirectory(prefix="kdray-joining-") as folder:
+            with Replicas(2, folder) as replicas:
+                client = kdray.Client(replicas.url)
+                trees = [client.upload(mesh(number)).id for number in range(60, 76)]
+            for name in ("replica1", "replica2"):
+                shutil.copytree(Path(folder, name), Path(folder, "replica3"), dirs_exist_ok=True)
+            with Replicas(3, folder) as replicas:
+                client = kdray.Client(replicas.url, retry_s=0)
+                homes = set()
+                for tree in trees:
+                    status, headers, _ = request(
+                        replicas.port, "POST", f"/v1/trees/{tree}/rays/closest", RAYS)
+                    self.assertEqual(status, 200)
+                    homes.add(headers["kdray-replica"])
+                self.assertEqual(homes, {"replica1", "replica2", "replica3"})
+
+    def test_without_them_its_trees_are_found_again_by_an_upload(self):
+        with tempfile.TemporaryDirectory(prefix="kdray-joining-") as folder:
+            with Replicas(2, folder) as replicas:
+                client = kdray.Client(replicas.url)
+                for number in range(80, 96):
+                    client.upload(mesh(number))
+            with Replicas(3, folder) as replicas:
+                client = kdray.Client(replicas.url, retry_s=0)
+                for number in range(80, 96):
+                    tree = client.upload(mesh(number))
+                    self.assertEqual(tree.count([[0.1, 0, 9, 0, 0, -1]]).tolist(), [2])
 
 
 class SettingsTest(unittest.TestCase):
