@@ -96,11 +96,17 @@ class PosixWritableFile final : public WritableFile {
   Descriptor fd_;
 };
 
+std::int64_t Nanoseconds(const timespec& time) {
+  return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+}
+
 class PosixReadableFile final : public ReadableFile {
  public:
-  PosixReadableFile(Descriptor fd, std::uint64_t size) : fd_(std::move(fd)), size_(size) {}
+  PosixReadableFile(Descriptor fd, const FileVersion& version)
+      : fd_(std::move(fd)), version_(version) {}
 
-  std::uint64_t size() const override { return size_; }
+  std::uint64_t size() const override { return version_.bytes; }
+  std::optional<FileVersion> version() const override { return version_; }
   Status ReadAt(std::uint64_t offset, std::span<std::byte> out) const override {
     while (!out.empty()) {
       const ssize_t count = RetryInterrupted(
@@ -115,7 +121,7 @@ class PosixReadableFile final : public ReadableFile {
 
  private:
   Descriptor fd_;
-  std::uint64_t size_;
+  FileVersion version_;
 };
 
 class PosixFileLock final : public FileLock {
@@ -159,7 +165,11 @@ class Posix final : public FileSystem {
       return Error{ErrorCode::kCorrupt, "a stored file is not a regular file of this user"};
     }
     return std::unique_ptr<ReadableFile>(std::make_unique<PosixReadableFile>(
-        std::move(fd), static_cast<std::uint64_t>(status.st_size)));
+        std::move(fd), FileVersion{.device = status.st_dev,
+                                   .inode = status.st_ino,
+                                   .bytes = static_cast<std::uint64_t>(status.st_size),
+                                   .modified_ns = Nanoseconds(status.st_mtim),
+                                   .changed_ns = Nanoseconds(status.st_ctim)}));
   }
 
   Status Rename(const Path& from, const Path& to) override {

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -25,6 +26,14 @@ class WritableFile {
   virtual Status Sync() = 0;
 };
 
+/// What the system says of a file's content without reading it: equal versions have equal contents,
+/// unless the disk fails.
+struct FileVersion {
+  std::uint64_t device = 0, inode = 0, bytes = 0;
+  std::int64_t modified_ns = 0, changed_ns = 0;  ///< since 1970
+  friend bool operator==(const FileVersion&, const FileVersion&) = default;
+};
+
 /// An existing regular file. Readable while held, even if its name is removed meanwhile. Safe from
 /// many threads at once. Plain reads, never mapped memory: if the file is truncated, a read is
 /// short, instead of SIGBUS.
@@ -33,6 +42,8 @@ class ReadableFile {
   virtual ~ReadableFile() = default;
   /// The size when it was opened.
   virtual std::uint64_t size() const = 0;
+  /// The version when it was opened; nullopt if the file system has none.
+  virtual std::optional<FileVersion> version() const { return std::nullopt; }
   /// Fills all of `out` from `offset`; kCorrupt if the file ends earlier.
   virtual Status ReadAt(std::uint64_t offset, std::span<std::byte> out) const = 0;
 };

@@ -164,14 +164,17 @@ Result<std::unique_ptr<ReadableFile>> SceneStore::OpenMesh(const Sha256Digest& m
                                                            const CancelToken& cancel) {
   Result<std::unique_ptr<ReadableFile>> file = Blobs(FileGroup::kMeshes).Read(mesh.ToHex());
   Status status = DamagedMesh();
-  if (file.ok()) {
+  if (file.ok() && sound_meshes_.Has(mesh, (*file)->version())) {
+    status = {};
+  } else if (file.ok()) {
     std::vector<std::byte> piece;
     status = ReadHashed(**file, mesh, cancel, [&](std::size_t bytes) {
       piece.resize(bytes);
       return std::span(piece);
     });
+    if (status.ok()) sound_meshes_.Note(mesh, (*file)->version());
   }
-  if (status.ok()) return file;
+  if (status.ok()) return sound_meshes_.HashWhileRead(*std::move(file), mesh);
   CountDamage(status.error());
   return std::move(status).error();
 }
@@ -205,6 +208,7 @@ Status SceneStore::RemoveMesh(const Sha256Digest& mesh) {
   } else {
     MarkUnrecorded(mesh);
   }
+  sound_meshes_.Forget(mesh);
   const std::lock_guard lock(touched_mutex_);
   touched_.erase(mesh);
   return status;

@@ -35,6 +35,7 @@
 #include "core/store/catalog.h"
 #include "core/store/disk_usage.h"
 #include "core/store/file_system.h"
+#include "core/store/sound_files.h"
 #include "core/store/tradeoff_file.h"
 #include "core/store/tree_file.h"
 
@@ -115,7 +116,9 @@ class SceneStore {
     return !WhyUnreadable(mesh, bytes).has_value();
   }
   /// kCorrupt if it is missing, cannot be read, or its bytes have another hash (this hashes the
-  /// whole file). Storing it again repairs it. kCancelled, kDeadlineExceeded, which say nothing
+  /// whole file, unless it is unchanged since that was done). Reading the result from front to back
+  /// hashes it again: the last read is kCorrupt if the disk returned other bytes. Storing it again
+  /// repairs it. kCancelled, kDeadlineExceeded, which say nothing
   /// about the file.
   Result<std::unique_ptr<ReadableFile>> OpenMesh(const Sha256Digest& mesh,
                                                  const CancelToken& cancel = {});
@@ -207,6 +210,7 @@ class SceneStore {
   DiskUsage usage_;
   std::atomic<std::uint64_t> damaged_{0};
 
+  SoundFiles sound_meshes_;
   std::mutex touched_mutex_;
   std::map<Sha256Digest, std::chrono::steady_clock::time_point> touched_;
 };

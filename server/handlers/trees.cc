@@ -124,13 +124,14 @@ api::Outcome<HttpResponse> DeleteTree(const HandlerContext& context, RoutedReque
 
 api::Outcome<HttpResponse> GetMesh(const HandlerContext& context, RoutedRequest& routed) {
   if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
+  if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
+  // The id begins with the hash of these bytes.
+  const std::string etag = Quoted(routed.path_parameter.substr(0, routed.path_parameter.find('-')));
+  if (ClientHas(routed.http, etag)) return NotModified(context, etag, Caching::kForever);
   const auto cancel = CancelToken::Cancellable();
   const auto watch = routed.http.peer->CancelWhenGone(cancel);
   auto opened = context.backend.OpenMesh(routed.path_parameter, cancel);
   if (!opened) return std::move(opened).problem();
-  // The id begins with the hash of these bytes.
-  const std::string etag = Quoted(routed.path_parameter.substr(0, routed.path_parameter.find('-')));
-  if (ClientHas(routed.http, etag)) return NotModified(context, etag, Caching::kForever);
 
   const std::shared_ptr<MeshBytes> mesh = *std::move(opened);
   HttpResponse response;

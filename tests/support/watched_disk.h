@@ -68,6 +68,7 @@ class WatchedDisk final : public core::FileSystem {
     Reader(const WatchedDisk* disk, std::unique_ptr<core::ReadableFile> file)
         : disk_(*disk), file_(std::move(file)) {}
     std::uint64_t size() const override { return file_->size(); }
+    std::optional<core::FileVersion> version() const override { return file_->version(); }
     core::Status ReadAt(std::uint64_t offset, std::span<std::byte> out) const override {
       disk_.on_read(out.size());
       return file_->ReadAt(offset, out);
