@@ -92,7 +92,10 @@ Outcome<std::vector<ByteBlock>> AnswerWriter<Rows>::Finish(const BatchReport& re
   if (type_ == BatchType::kJson) {
     std::string end = "],";
     AppendRowLists(&end, report.invalid, report.truncated);
-    pieces_.push_back(BlockOf(end + "}"));
+    end += '}';
+    if (charge_) problem_ = charge_(end.size());
+    if (problem_) return *std::move(problem_);
+    pieces_.push_back(BlockOf(end));
   }
   std::size_t bytes = 0;
   for (const ByteBlock& piece : pieces_) bytes += piece.size();

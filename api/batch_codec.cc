@@ -63,18 +63,26 @@ std::unique_ptr<AnswerWriter<AllRows>> WriterOfAll(const RayTable& rays, const R
       std::move(charge));
 }
 
-std::string EncodeImage(const ImageArray& image) {
-  const auto encode = [&](const auto& values) {
+std::string ImageHeader(const ImageArray& image) {
+  const auto header = [&](const auto& values) {
     using Value = typename std::decay_t<decltype(values)>::value_type;
     std::vector<std::size_t> shape = {image.height, image.width};
     if (image.channels != 1) shape.push_back(image.channels);
     const std::string_view type = std::is_same_v<Value, float>    ? "'<f4'"
                                   : std::is_same_v<Value, double> ? "'<f8'"
                                                                   : "'<i4'";
-    std::string out = NpyHeader(type, shape);
-    return out.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(Value));
+    return NpyHeader(type, shape);
   };
-  return std::visit(encode, image.values);
+  return std::visit(header, image.values);
+}
+
+std::string_view ImageBytes(const ImageArray& image) {
+  return std::visit(
+      [](const auto& values) {
+        return std::string_view(reinterpret_cast<const char*>(values.data()),
+                                values.size() * sizeof(values[0]));
+      },
+      image.values);
 }
 
 }  // namespace kdray::api

@@ -42,7 +42,10 @@ std::unique_ptr<AnswerWriter<CountRows>> WriterOfCount(const RayTable& rays,
 std::unique_ptr<AnswerWriter<AllRows>> WriterOfAll(const RayTable& rays, const RayOptions& options,
                                                    BatchType type, ChargeBytes charge = {});
 
-/// render.npy: (H, W) or (H, W, channels), `<f4` or `<i4`, C order.
-std::string EncodeImage(const ImageArray& image);
+/// What stands before the values of render.npy: (H, W) or (H, W, channels), `<f4`, `<f8` or `<i4`,
+/// C order.
+std::string ImageHeader(const ImageArray& image);
+/// The values as they lie in memory, which is as they are sent.
+std::string_view ImageBytes(const ImageArray& image);
 
 }  // namespace kdray::api

@@ -148,6 +148,12 @@ void VisitField(const NearestPoint& row, PointField field, const OnVector& vecto
   }
 }
 
+ByteBlock BlockOf(std::string_view text) {
+  ByteBlock block(text.size());
+  std::copy(text.begin(), text.end(), block.data());
+  return block;
+}
+
 void AppendList(std::string* out, const std::vector<std::uint64_t>& numbers) {
   *out += '[';
   for (std::size_t i = 0; i < numbers.size(); ++i) {
@@ -159,8 +165,18 @@ void AppendList(std::string* out, const std::vector<std::uint64_t>& numbers) {
 
 }  // namespace
 
+Outcome<std::size_t> MostJsonRows(std::string_view body, std::uint64_t max_rows,
+                                  std::size_t row_bytes, const BatchWork& work) {
+  const auto brackets = static_cast<std::uint64_t>(std::count(body.begin(), body.end(), ']'));
+  const auto rows = static_cast<std::size_t>(std::min(brackets, max_rows));
+  if (work.charge) {
+    if (Check problem = work.charge(rows * row_bytes)) return *std::move(problem);
+  }
+  return rows;
+}
+
 Outcome<PointTable> PointsFromNpy(std::string_view body, std::uint64_t max_rows,
-                                  const ShouldStop& should_stop) {
+                                  const BatchWork& work) {
   const Outcome<NpyArray> array = ReadNpy(body);
   if (!array) return array.problem();
   if (array->shape.empty() || array->shape.back() != 3) {
@@ -177,7 +193,10 @@ Outcome<PointTable> PointsFromNpy(std::string_view body, std::uint64_t max_rows,
   table.number_type = array->type;
   const std::size_t rows = array->data.size() / (array->type == NumberType::kF4 ? 12 : 24);
   if (rows > max_rows) return TooMany("the batch has rows: ", rows, max_rows);
-  StopPoll poll(should_stop);
+  if (work.charge) {
+    if (Check problem = work.charge(rows * sizeof(Vec3))) return *std::move(problem);
+  }
+  StopPoll poll(work.should_stop);
   table.rows = array->type == NumberType::kF4 ? RowsOf<float>(*array, rows, &poll)
                                               : RowsOf<double>(*array, rows, &poll);
   if (poll.stopped()) {
@@ -187,35 +206,52 @@ Outcome<PointTable> PointsFromNpy(std::string_view body, std::uint64_t max_rows,
 }
 
 Outcome<PointTable> DecodePoints(std::string_view body, BatchType type, const Limits& limits,
-                                 const ShouldStop& should_stop) {
+                                 const BatchWork& work) {
   if (Check problem = CheckSize(body, limits)) return *std::move(problem);
-  if (type == BatchType::kNpy) return PointsFromNpy(body, limits.max_rays, should_stop);
+  if (type == BatchType::kNpy) return PointsFromNpy(body, limits.max_rays, work);
   PointTable table;
+  const auto most_rows = MostJsonRows(body, limits.max_rays, sizeof(Vec3), work);
+  if (!most_rows) return most_rows.problem();
+  table.rows.reserve(*most_rows);
   RowReader reader(
       body, kPoints, limits.max_rays,
       [&](std::size_t, std::span<const double> n) {
         table.rows.push_back({n[0], n[1], n[2]});
       },
-      should_stop);
+      work.should_stop);
   if (Check problem = reader.Read()) return *std::move(problem);
   table.shape = {table.rows.size()};
   return table;
 }
 
-PointWriter::PointWriter(const PointTable& points, const PointOptions& options, BatchType type)
+PointWriter::PointWriter(const PointTable& points, const PointOptions& options, BatchType type,
+                         ChargeBytes charge)
     : points_(points),
       options_(options),
       type_(type),
-      numbers_(options.dtype.value_or(points.number_type)) {
+      numbers_(options.dtype.value_or(points.number_type)),
+      charge_(std::move(charge)) {
   if (type_ == BatchType::kJson) out_ = "{\"results\":[";
 }
 
-void PointWriter::BeginNpy(std::string_view descr, std::size_t row_bytes, bool of_vectors) {
-  if (!out_.empty()) return;
+// A small piece waits for the next: a copy costs less than more sends.
+Check PointWriter::EndPiece() {
+  constexpr std::size_t kPieceBytes = 64 * 1024;
+  if (out_.size() < kPieceBytes) return std::nullopt;
+  if (charge_) {
+    if (Check problem = charge_(out_.size())) return problem;
+  }
+  pieces_.push_back(BlockOf(out_));
+  out_.clear();
+  return std::nullopt;
+}
+
+void PointWriter::BeginNpy(std::string_view descr, bool of_vectors) {
+  if (is_npy_begun_) return;
+  is_npy_begun_ = true;
   std::vector<std::size_t> shape = points_.shape;
   if (of_vectors) shape.push_back(3);
   out_ = NpyHeader(descr, shape);
-  out_.reserve(out_.size() + points_.size() * row_bytes);
 }
 
 template <class T>
@@ -224,17 +260,15 @@ void PointWriter::PutAs(std::span<const NearestPoint> rows) {
   const std::vector<PointField>& fields = options_.fields;
   if (type_ == BatchType::kNpy) {
     std::string descr;
-    std::size_t row_bytes = 0;
     for (const PointField field : fields) {
       descr += descr.empty() ? "[('" : ", ('";
       descr += Name(field);
       descr += "', ";
       descr += Descr(field, numbers_);
       descr += IsVector(field) ? ", (3,))" : ")";
-      row_bytes += sizeof(T) * (IsVector(field) ? 3 : 1);
     }
     const bool is_plain = fields.size() == 1;
-    BeginNpy(is_plain ? std::string(Descr(fields[0], numbers_)) : descr + "]", row_bytes,
+    BeginNpy(is_plain ? std::string(Descr(fields[0], numbers_)) : descr + "]",
              is_plain && IsVector(fields[0]));
     for (const NearestPoint& row : rows) {
       for (const PointField field : fields) {
@@ -271,13 +305,14 @@ void PointWriter::PutAs(std::span<const NearestPoint> rows) {
   }
 }
 
-void PointWriter::Put(std::span<const NearestPoint> rows) {
+Check PointWriter::Put(std::span<const NearestPoint> rows) {
   numbers_ == NumberType::kF4 ? PutAs<float>(rows) : PutAs<double>(rows);
+  return EndPiece();
 }
 
-void PointWriter::Put(std::span<const double> signed_distances) {
+Check PointWriter::Put(std::span<const double> signed_distances) {
   const bool wide = numbers_ == NumberType::kF8;
-  if (type_ == BatchType::kNpy) BeginNpy(wide ? "'<f8'" : "'<f4'", wide ? 8 : 4, false);
+  if (type_ == BatchType::kNpy) BeginNpy(wide ? "'<f8'" : "'<f4'", false);
   for (const double distance : signed_distances) {
     if (type_ == BatchType::kNpy) {
       wide ? AppendBytes(&out_, Narrow<double>(distance))
@@ -288,26 +323,33 @@ void PointWriter::Put(std::span<const double> signed_distances) {
            : AppendNumber(&out_, Narrow<float>(distance));
     }
   }
+  return EndPiece();
 }
 
-void PointWriter::Put(std::span<const std::int8_t> inside) {
+Check PointWriter::Put(std::span<const std::int8_t> inside) {
   if (type_ == BatchType::kNpy) {
-    BeginNpy("'|i1'", 1, false);
+    BeginNpy("'|i1'", false);
     for (const std::int8_t side : inside) out_ += static_cast<char>(side);
-    return;
+    return EndPiece();
   }
   for (const std::int8_t side : inside) {
     BeginRow();
     out_ += side < 0 ? "null" : side == 0 ? "false" : "true";
   }
+  return EndPiece();
 }
 
-std::string PointWriter::Finish(const std::vector<std::uint64_t>& invalid) && {
-  if (type_ == BatchType::kNpy) return std::move(out_);
-  out_ += "],\"invalid\":";
-  AppendList(&out_, invalid);
-  out_ += ",\"truncated\":[]}";
-  return std::move(out_);
+Outcome<std::vector<ByteBlock>> PointWriter::Finish(const std::vector<std::uint64_t>& invalid) && {
+  if (type_ == BatchType::kJson) {
+    out_ += "],\"invalid\":";
+    AppendList(&out_, invalid);
+    out_ += ",\"truncated\":[]}";
+  }
+  if (charge_) {
+    if (Check problem = charge_(out_.size())) return *std::move(problem);
+  }
+  if (!out_.empty()) pieces_.push_back(BlockOf(out_));
+  return std::move(pieces_);
 }
 
 }  // namespace kdray::api

@@ -162,4 +162,13 @@ void RayTable::Read(std::size_t first_row, std::span<double> numbers) const {
   }
 }
 
+std::span<const char> RayTable::MemoryOf(std::size_t rows) const {
+  if (const auto* numbers = std::get_if<std::unique_ptr<double[]>>(&source_)) {
+    return {reinterpret_cast<const char*>(numbers->get()), rows * kRayNumbers * sizeof(double)};
+  }
+  const NpyArray& array = std::get<NpyRows>(source_).array;
+  if (array.fortran_order || rows_ == 0) return {};
+  return array.data.substr(0, array.data.size() / rows_ * rows);
+}
+
 }  // namespace kdray::api

@@ -46,6 +46,10 @@ class RayTable {
   void Read(std::size_t first_row, std::span<float> numbers) const;
   void Read(std::size_t first_row, std::span<double> numbers) const;
 
+  /// The memory of the first `rows` rows: of the array that the table reads, or its own. Who will
+  /// not read them again may release it. Empty for a Fortran array, whose rows are not in order.
+  std::span<const char> MemoryOf(std::size_t rows) const;
+
  private:
   struct NpyRows {
     NpyArray array;

@@ -75,6 +75,9 @@ class RowSink {
   /// The next block has `elements` elements. The problem, if there is no memory for them.
   virtual Check Begin(std::size_t elements) = 0;
   virtual void Put(const Rows& rows) = 0;
+  /// The batch's first `rows` rows have been read and will not be read again. Called between
+  /// blocks.
+  virtual void HaveRead(std::size_t rows) { (void)rows; }
 };
 
 }  // namespace kdray::api

@@ -32,7 +32,7 @@ Problem TooMany(std::string_view has, std::uint64_t actual, std::uint64_t limit)
 
 Outcome<PointSets> DecodePointSets(std::string_view body, BatchType type,
                                    const VisibilityOptions& options, const Limits& limits,
-                                   const ShouldStop& should_stop) {
+                                   const BatchWork& work) {
   PointSets sets;
   if (type == BatchType::kNpy) {
     if (!options.from_count) {
@@ -42,7 +42,7 @@ Outcome<PointSets> DecodePointSets(std::string_view body, BatchType type,
                      "others are `to`",
                      "from_count"};
     }
-    Outcome<PointTable> table = PointsFromNpy(body, 2 * limits.max_rays, should_stop);
+    Outcome<PointTable> table = PointsFromNpy(body, 2 * limits.max_rays, work);
     if (!table) return std::move(table).problem();
     const auto count = static_cast<std::uint64_t>(*options.from_count);
     if (count > table->size()) {
@@ -50,6 +50,9 @@ Outcome<PointSets> DecodePointSets(std::string_view body, BatchType type,
                      "from_count is " + std::to_string(count) + ", and the array has " +
                          std::to_string(table->size()) + " rows",
                      "from_count"};
+    }
+    if (work.charge) {
+      if (Check problem = work.charge(table->size() * sizeof(Vec3))) return *std::move(problem);
     }
     sets.number_type = table->number_type;
     sets.to.assign(table->rows.begin() + static_cast<std::ptrdiff_t>(count), table->rows.end());
@@ -61,12 +64,17 @@ Outcome<PointSets> DecodePointSets(std::string_view body, BatchType type,
                      "from_count is for .npy arrays; a JSON body has `from` and `to`",
                      "from_count"};
     }
+    // Either set may have all rows.
+    const auto most_rows = MostJsonRows(body, limits.max_rays, 2 * sizeof(Vec3), work);
+    if (!most_rows) return most_rows.problem();
+    sets.from.reserve(*most_rows);
+    sets.to.reserve(*most_rows);
     RowReader reader(
         body, kSets, limits.max_rays,
         [&](std::size_t key, std::span<const double> n) {
           (key == 0 ? sets.from : sets.to).push_back({n[0], n[1], n[2]});
         },
-        should_stop);
+        work.should_stop);
     if (Check problem = reader.Read()) return *std::move(problem);
   }
   const std::size_t most = std::max(sets.from.size(), sets.to.size());
@@ -96,7 +104,11 @@ std::string EncodeVisibility(const VisibilityAnswer& answer, const PointSets& se
     return out;
   }
   StopPoll poll(should_stop);
-  std::string out = "{\"visible\":[";
+  std::string out;
+  // One allocation: a text that grows would be copied, and take the memory twice.
+  constexpr std::size_t kMostWordBytes = 6;
+  out.reserve(rows * (columns * kMostWordBytes + 3) + answer.invalid.size() * 12 + 64);
+  out += "{\"visible\":[";
   for (std::size_t row = 0; row < rows; ++row) {
     if (poll.Row()) return {};
     out += row == 0 ? "[" : ",[";

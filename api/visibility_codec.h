@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "api/batch_type.h"
+#include "api/batch_work.h"
 #include "api/limits.h"
 #include "api/should_stop.h"
 #include "api/types.h"
@@ -17,10 +18,11 @@ namespace kdray::api {
 /// whose first `options.from_count` rows are `from`. Errors as DecodePoints
 /// (api/point_codec.h); too_many_rays beyond `limits.max_rays` points of a set,
 /// or pairs; invalid_parameter if from_count is missing, is more than the array
-/// has rows, or is given for JSON.
+/// has rows, or is given for JSON. Memory: 24 bytes a point, and for .npy as many again while it
+/// reads; charged before it is taken.
 Outcome<PointSets> DecodePointSets(std::string_view body, BatchType type,
                                    const VisibilityOptions& options, const Limits& limits,
-                                   const ShouldStop& should_stop = {});
+                                   const BatchWork& work = {});
 
 /// invalid_parameter for `bits` in JSON.
 Check CheckAnswerType(const VisibilityOptions& options, BatchType type);

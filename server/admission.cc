@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <string>
 
 namespace kdray::server {
 namespace {
@@ -24,41 +23,60 @@ Problem StoppedWaiting(const core::CancelToken& cancel) {
 
 }  // namespace
 
-api::Outcome<Admission::Turn> Admission::Enter(const core::CancelToken& cancel) {
+Lane LaneOf(std::uint64_t rays) {
+  // A ray takes a third of a microsecond to several.
+  constexpr std::uint64_t kShortRays = std::uint64_t{1} << 14;
+  constexpr std::uint64_t kMediumRays = std::uint64_t{1} << 20;
+  if (rays <= kShortRays) return Lane::kShort;
+  return rays <= kMediumRays ? Lane::kMedium : Lane::kLong;
+}
+
+api::Outcome<Admission::Turn> Admission::Enter(Lane lane, const core::CancelToken& cancel) {
   std::unique_lock lock(mutex_);
+  Line& line = LineOf(lane);
   // Nobody waits while a turn is free: Leave() passes it on.
-  if (running_ < max_running_) {
-    ++running_;
-    return Turn(this, 0);
+  if (line.running < max_running_) {
+    ++line.running;
+    return Turn(this, lane, 0);
   }
-  if (waiters_.size() >= max_queued_) {
-    return Problem{.code = ErrorCode::kOverloaded,
-                   .detail = "the server is at its limit of running and waiting requests",
-                   .limit = static_cast<double>(max_running_ + max_queued_)};
-  }
+  if (auto problem = CheckLocked(line)) return *std::move(problem);
   const auto start = Clock::now();
   const auto waiter = std::make_shared<Waiter>();
-  const auto place = waiters_.insert(waiters_.end(), waiter);
+  const auto place = line.waiters.insert(line.waiters.end(), waiter);
   while (!waiter->has_turn) {
     if (cancel.ShouldStop()) {
-      waiters_.erase(place);
+      line.waiters.erase(place);
       return StoppedWaiting(cancel);
     }
     waiter->called.wait_until(lock, std::min(cancel.deadline(), Clock::now() + kLook));
   }
-  return Turn(this, std::chrono::duration<double, std::milli>(Clock::now() - start).count());
+  return Turn(this, lane, std::chrono::duration<double, std::milli>(Clock::now() - start).count());
 }
 
-void Admission::Leave() {
+api::Check Admission::Check(Lane lane) const {
+  const std::lock_guard lock(mutex_);
+  return CheckLocked(lines_[static_cast<std::size_t>(lane)]);
+}
+
+api::Check Admission::CheckLocked(const Line& line) const {
+  if (line.running < max_running_ || line.waiters.size() < max_queued_) return std::nullopt;
+  return Problem{
+      .code = ErrorCode::kOverloaded,
+      .detail = "the server is at its limit of running and waiting requests of this size",
+      .limit = static_cast<double>(max_running_ + max_queued_)};
+}
+
+void Admission::Leave(Lane lane) {
   std::shared_ptr<Waiter> next;
   {
     const std::lock_guard lock(mutex_);
-    if (waiters_.empty()) {
-      --running_;
+    Line& line = LineOf(lane);
+    if (line.waiters.empty()) {
+      --line.running;
       return;
     }
-    next = std::move(waiters_.front());
-    waiters_.pop_front();
+    next = std::move(line.waiters.front());
+    line.waiters.pop_front();
     next->has_turn = true;
   }
   // Without the lock, which the waiter would meet at once.
@@ -67,12 +85,16 @@ void Admission::Leave() {
 
 std::size_t Admission::running() const {
   const std::lock_guard lock(mutex_);
-  return running_;
+  std::size_t running = 0;
+  for (const Line& line : lines_) running += line.running;
+  return running;
 }
 
 std::size_t Admission::queued() const {
   const std::lock_guard lock(mutex_);
-  return waiters_.size();
+  std::size_t queued = 0;
+  for (const Line& line : lines_) queued += line.waiters.size();
+  return queued;
 }
 
 }  // namespace kdray::server

@@ -20,6 +20,7 @@
 #include "api/types.h"
 #include "api/visibility.h"
 #include "core/base/cancel.h"
+#include "core/library/memory_budget.h"
 
 namespace kdray::server {
 
@@ -48,7 +49,7 @@ class MeshBytes {
  public:
   virtual ~MeshBytes() = default;
   virtual std::uint64_t size() const = 0;
-  /// Fills `out` from `offset`; false if the disk fails.
+  /// Fills `out` from `offset`; false if the disk fails. For one thread at a time.
   virtual bool Read(std::uint64_t offset, std::span<std::byte> out) const = 0;
 };
 
@@ -170,7 +171,8 @@ class Backend {
                                            std::string_view after) = 0;
   /// A running build stops; the mesh is deleted with its last tree.
   virtual api::Check Delete(std::string_view id) = 0;
-  /// Checks all of its bytes first, as long as `cancel` lets it.
+  /// Checks all of its bytes, unless the file is unchanged since it was checked, as long as
+  /// `cancel` lets it.
   virtual api::Outcome<std::unique_ptr<MeshBytes>> OpenMesh(std::string_view id,
                                                             const CancelToken& cancel) = 0;
 
@@ -186,6 +188,8 @@ class Backend {
   virtual api::Check ForgetTradeoff(std::string_view id) = 0;
 
   virtual BackendCounters counters() const = 0;
+  /// The budget of meshes, trees and builds; null if there is none.
+  virtual core::MemoryBudget* memory() { return nullptr; }
 
   /// Stops builds and waits for them; they resume at the next start. Running queries finish.
   virtual void Shutdown() = 0;

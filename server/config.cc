@@ -150,7 +150,7 @@ std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv) 
   options.AddInteger("--threads", config.threads, 1, 1024,
                      "threads for queries, and as many for builds");
   options.AddSize("--memory-limit", config.memory_limit_bytes,
-                  "memory for meshes, trees and requests (default " +
+                  "memory for meshes, trees, and requests until they are answered (default " +
                       SizeText(config.memory_limit_bytes) + ")");
   options.AddSize("--store-limit", config.store_limit_bytes,
                   "disk space for meshes and trees (default: the whole disk)");
@@ -162,12 +162,13 @@ std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv) 
   options.AddInteger("--max-connections", config.max_connections, 1, 100'000,
                      "simultaneous connections");
   options.Add("--max-running",
-              "queries and renders that compute at the same time (default: --threads, at least 2)",
+              "queries and renders of about one size that compute at the same time (default: "
+              "--threads, at least 2)",
               "N", TakeInteger(1, 1024, [&](std::int64_t value) {
                 max_running = static_cast<std::size_t>(value);
               }));
   options.AddInteger("--max-queued", config.max_queued, 0, kMany,
-                     "queries and renders that wait for their turn");
+                     "queries and renders of about one size that wait for their turn");
   options.AddText("--token-file", token_file,
                   "file of the tokens that clients must send, one per line; SIGHUP reads it again",
                   "FILE");

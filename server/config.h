@@ -1,6 +1,7 @@
 // The command line and the environment.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -30,9 +31,17 @@ struct Config {
   std::int64_t drain_timeout_ms = 25000;
   LogLevel log_level = LogLevel::kInfo;
 
-  /// Meshes, trees and builds get three quarters of the memory, running requests the rest.
-  std::uint64_t BackendMemoryBytes() const { return memory_limit_bytes / 4 * 3; }
-  std::uint64_t RequestMemoryBytes() const { return memory_limit_bytes / 4; }
+  /// Of the memory beside the process's own, meshes, trees and builds get three quarters, running
+  /// requests the rest.
+  std::uint64_t BackendMemoryBytes() const { return SharedMemoryBytes() / 4 * 3; }
+  std::uint64_t RequestMemoryBytes() const { return SharedMemoryBytes() / 4; }
+
+ private:
+  /// Code, threads, connections, and what the allocator keeps.
+  static constexpr std::uint64_t kProcessBytes = std::uint64_t{32} << 20;
+  std::uint64_t SharedMemoryBytes() const {
+    return memory_limit_bytes - std::min(kProcessBytes, memory_limit_bytes / 8);
+  }
 };
 
 /// A command line that ends the program: --help and --version with 0, an invalid option with 2.

@@ -63,7 +63,7 @@ class CoreMeshUpload final : public MeshUpload {
 class LibraryBackend final : public Backend {
  public:
   LibraryBackend(const CoreBackendOptions& options, std::unique_ptr<core::TreeLibrary> library)
-      : runner_{options.limits, core::Arena(options.threads)}, library_(std::move(library)) {}
+      : runner_{options.limits, QueryArenas(options.threads)}, library_(std::move(library)) {}
   ~LibraryBackend() override { Shutdown(); }
 
   api::Outcome<std::unique_ptr<MeshUpload>> BeginUpload(std::uint64_t size) override {
@@ -187,6 +187,8 @@ class LibraryBackend final : public Backend {
     if (!*forgotten) return NotMeasured();
     return std::nullopt;
   }
+
+  core::MemoryBudget* memory() override { return library_->memory(); }
 
   void Shutdown() override { library_->Shutdown(); }
 

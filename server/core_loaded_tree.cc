@@ -79,7 +79,7 @@ class CoreLoadedTree final : public LoadedTree {
   }
 
   void RunPieces(std::size_t count, const std::function<void(std::size_t)>& piece) const override {
-    runner_.arena.Run([&] {
+    runner_.arenas.Run([&] {
       core::ParallelFor(0, count, 1, [&](std::size_t first, std::size_t) { piece(first); });
     });
   }
@@ -191,7 +191,7 @@ class CoreLoadedTree final : public LoadedTree {
       api::Check problem;
       const auto start = SteadyClock::now();
       const Counted counted(&runner_.queries);
-      runner_.arena.Run([&] { problem = work({precision, cancel}, &answer); });
+      runner_.arenas.Run([&] { problem = work({precision, cancel}, &answer); });
       if (problem) return *std::move(problem);
       if (answer.trace_ms == 0) answer.trace_ms = core::MillisecondsSince(start);
     } catch (const std::bad_alloc&) {
@@ -211,7 +211,7 @@ class CoreLoadedTree final : public LoadedTree {
     try {
       core::Status status;
       const Counted counted(&runner_.queries);
-      runner_.arena.Run([&] {
+      runner_.arenas.Run([&] {
         status = work(core::PointOptions{.precision = precision, .cancel = cancel}, &report);
       });
       if (!status.ok()) return ToProblem(status.error());

@@ -1,22 +1,22 @@
-// The real LoadedTree: answers queries on a scene of core's library, in the query arena.
+// The real LoadedTree: answers queries on a scene of core's library, in an arena for each query.
 #pragma once
 
 #include <atomic>
 #include <memory>
 
 #include "api/limits.h"
-#include "core/base/parallel.h"
 #include "core/catalog/tree_id.h"
 #include "core/library/tree_library.h"
 #include "core/scene/scene.h"
 #include "server/backend.h"
+#include "server/query_arenas.h"
 
 namespace kdray::server {
 
 /// What all trees of a backend share. Thread-safe.
 struct QueryRunner {
   const api::Limits limits;
-  core::Arena arena;
+  QueryArenas arenas;
   std::atomic<int> queries{0};  ///< running now; the library's measurements read it
 };
 

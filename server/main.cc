@@ -1,4 +1,5 @@
 // kdrayd: reads its options, starts the backend and the server, and ends both when told to.
+#include <malloc.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -25,6 +26,17 @@
 
 namespace kdray::server {
 namespace {
+
+/// Makes the process's size follow the memory that is reserved. By default the allocator keeps
+/// freed blocks in an arena for each thread, up to twice the largest one that was ever freed. With
+/// these limits, it keeps little of --memory-limit, and small blocks are still reused.
+void LimitFreedMemory(const Config& config) {
+  constexpr std::uint64_t kLeast = std::uint64_t{256} << 10, kMost = std::uint64_t{8} << 20;
+  const int block = static_cast<int>(std::clamp(config.memory_limit_bytes / 256, kLeast, kMost));
+  mallopt(M_MMAP_THRESHOLD, block);
+  mallopt(M_TRIM_THRESHOLD, 2 * block);
+  mallopt(M_ARENA_MAX, std::max(4, 2 * config.threads));
+}
 
 /// To be called before any thread is made, so that all of them leave the signals to
 /// ServeUntilStopped().
@@ -143,6 +155,7 @@ int Serve(const Config& config, const sigset_t& signals, const Log& log) {
                    .max_running = config.max_running,
                    .max_queued = config.max_queued,
                    .request_memory_bytes = config.RequestMemoryBytes(),
+                   .memory_lender = (*backend)->memory(),
                    .tokens = *std::move(tokens),
                    .cors = config.cors},
                   **backend, log);
@@ -181,6 +194,7 @@ int Serve(const Config& config, const sigset_t& signals, const Log& log) {
 
 int Run(const Config& config) {
   const sigset_t signals = BlockSignals();
+  LimitFreedMemory(config);
   const Log log(STDERR_FILENO, config.log_level);
   try {
     return Serve(config, signals, log);

@@ -142,6 +142,7 @@ api::Check AnswerRows(const RayQuery& query, api::RowSink<Rows>* sink, api::Batc
                       const Trace& trace, const Put& put) {
   RawArray<Element> elements(std::min(kBlockRays, query.rays.size()));
   return ForEachBlock(query, kBlockRays, report, [&](auto rays, std::size_t first_row) {
+    sink->HaveRead(first_row + rays.size());
     const std::span<Element> block = elements.first(rays.size());
     const core::Status traced =
         Timed(&report->trace_ms, [&] { return trace(core::RayBatch(rays), block); });
@@ -265,6 +266,7 @@ api::Check AnswerAll(const RayQuery& query, std::uint64_t most_hits,
   const std::size_t block_rows = std::clamp(kBlockHits / max_hits, std::size_t{1}, kBlockRays);
   std::size_t hits_before = 0;
   return ForEachBlock(query, block_rows, report, [&](auto rays, std::size_t first_row) {
+    sink->HaveRead(first_row + rays.size());
     const core::RayBatch batch(rays);
     const core::Result<core::AllHits> all = Timed(&report->trace_ms, [&] {
       return core::TraceAll(query.scene, batch, query.trace, max_hits,

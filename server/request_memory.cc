@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <iterator>
+#include <optional>
+#include <string>
 
 namespace kdray::server {
 
@@ -18,38 +20,92 @@ struct RequestMemory::Body::Held {
   bool refused = false;  // written with both mutexes held
 };
 
-api::Outcome<RequestMemory::Share> RequestMemory::Take(std::uint64_t bytes) {
-  const std::lock_guard lock(mutex_);
-  if (used_ > 0 && !FitsLocked(bytes)) return FullLocked(bytes);
-  used_ += bytes;
+api::Outcome<RequestMemory::Share> RequestMemory::Take(std::uint64_t bytes, api::ErrorCode never) {
+  if (auto problem = Charge(bytes, bytes, never)) return *std::move(problem);
   return Share(this, bytes);
 }
 
-api::Check RequestMemory::Check(std::uint64_t bytes) const {
-  const std::lock_guard lock(mutex_);
-  if (used_ > 0 && !FitsLocked(bytes)) return FullLocked(bytes);
+api::Check RequestMemory::Share::Grow(std::uint64_t bytes, api::ErrorCode never) {
+  if (auto problem = memory_->Charge(bytes, bytes_ + bytes, never)) return problem;
+  bytes_ += bytes;
   return std::nullopt;
 }
 
-api::Check RequestMemory::Share::Grow(std::uint64_t bytes) {
-  const std::lock_guard lock(memory_->mutex_);
-  const bool is_alone = memory_->used_ == bytes_;
-  if (!is_alone && !memory_->FitsLocked(bytes)) return memory_->FullLocked(bytes);
-  memory_->used_ += bytes;
-  bytes_ += bytes;
+// `bytes` more for a request that will hold `total`.
+api::Check RequestMemory::Charge(std::uint64_t bytes, std::uint64_t total, api::ErrorCode never) {
+  const std::uint64_t left_to_others = IsSmall(total) ? 0 : own_ / 8;
+  const std::uint64_t most = MostBytes() - left_to_others;
+  if (total > most) return NeverFits(total, most, never);
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    const std::uint64_t needed = used_ + bytes + left_to_others;
+    const std::uint64_t present = own_ + borrowed_.bytes();
+    if (needed <= present) {
+      used_ += bytes;
+      return std::nullopt;
+    }
+    if (needed > MostBytes()) return FullLocked(bytes);
+    // In pieces, because an answer grows in small steps.
+    const std::uint64_t piece = std::max(needed - present, own_ / 16);
+    const std::uint64_t wanted = std::min(piece, MostBytes() - present);
+    // Without the lock: the lender may evict trees.
+    lock.unlock();
+    std::optional<core::MemoryCharge> more = lender_->TryReserve(wanted);
+    lock.lock();
+    if (!more) return FullLocked(bytes);
+    borrowed_.Add(*std::move(more));
+  }
+}
+
+// A body that began now would be the newest: nobody gives way to it.
+api::Check RequestMemory::CheckBody(std::uint64_t bytes) const {
+  if (bytes > MostBodyBytes()) {
+    return NeverFits(bytes, MostBodyBytes(), api::ErrorCode::kBodyTooLarge);
+  }
+  const std::lock_guard lock(mutex_);
+  if (!FitsBodyLocked(bytes, bytes)) return FullLocked(bytes);
   return std::nullopt;
+}
+
+bool RequestMemory::FitsBodyLocked(std::uint64_t bytes, std::uint64_t total,
+                                   std::uint64_t returned) const {
+  const std::uint64_t left_to_others = IsSmall(total) ? 0 : own_ / 4;
+  const std::uint64_t used = used_ - returned;
+  const std::uint64_t borrowed = returned == 0 ? borrowed_.bytes() : BorrowedAt(used);
+  return used + bytes + left_to_others <= own_ + borrowed;
+}
+
+// What stays borrowed when memory is returned: small requests keep their eighth.
+std::uint64_t RequestMemory::BorrowedAt(std::uint64_t used) const {
+  const std::uint64_t wanted = used + own_ / 8;
+  return std::min(borrowed_.bytes(), wanted > own_ ? wanted - own_ : 0);
 }
 
 Problem RequestMemory::FullLocked(std::uint64_t bytes) const {
   return Problem{.code = api::ErrorCode::kMemoryFull,
                  .detail = "other requests hold the memory that this one needs",
-                 .limit = static_cast<double>(limit_),
+                 .limit = static_cast<double>(MostBytes()),
                  .actual = static_cast<double>(used_) + static_cast<double>(bytes)};
+}
+
+Problem RequestMemory::NeverFits(std::uint64_t bytes, std::uint64_t most,
+                                 api::ErrorCode code) const {
+  return Problem{.code = code,
+                 .detail = "this request needs " + std::to_string(bytes) +
+                           " bytes of memory at once; under this server's --memory-limit at most " +
+                           std::to_string(most) + " are possible",
+                 .limit = static_cast<double>(most),
+                 .actual = static_cast<double>(bytes)};
 }
 
 void RequestMemory::Return(std::uint64_t bytes) {
   const std::lock_guard lock(mutex_);
+  ReturnLocked(bytes);
+}
+
+void RequestMemory::ReturnLocked(std::uint64_t bytes) {
   used_ -= bytes;
+  borrowed_.Shrink(BorrowedAt(used_));
 }
 
 std::uint64_t RequestMemory::used() const {
@@ -57,21 +113,25 @@ std::uint64_t RequestMemory::used() const {
   return used_;
 }
 
+std::uint64_t RequestMemory::borrowed() const {
+  const std::lock_guard lock(mutex_);
+  return borrowed_.bytes();
+}
+
 // `bytes` more for a body; false when it is refused.
 bool RequestMemory::Grow(Body::Held* body, std::uint64_t bytes) {
   const std::lock_guard lock(mutex_);
   if (body->refused) return false;
-  const bool is_alone = used_ == body->charged;
-  if (!is_alone && !FitsLocked(bytes)) {
+  const std::uint64_t total = body->charged + bytes;
+  if (!FitsBodyLocked(bytes, total)) {
     const auto after = std::next(body->place);
     std::uint64_t newer = 0;
     for (auto next = after; next != bodies_.end(); ++next) newer += (*next)->charged;
-    const std::uint64_t others = used_ - newer;
-    if (others != body->charged && (bytes > limit_ || others > limit_ - bytes)) return false;
-    while (used_ != body->charged && !FitsLocked(bytes)) {
+    if (newer == 0 || !FitsBodyLocked(bytes, total, newer)) return false;
+    while (!FitsBodyLocked(bytes, total) && std::next(body->place) != bodies_.end()) {
       const std::shared_ptr<Body::Held> newest = std::move(bodies_.back());
       bodies_.pop_back();
-      used_ -= std::exchange(newest->charged, 0);
+      ReturnLocked(std::exchange(newest->charged, 0));
       // Their bytes are freed here: a thread that waits for its client could not do so in time.
       const std::lock_guard text_lock(newest->text_mutex);
       newest->refused = true;
@@ -83,8 +143,8 @@ bool RequestMemory::Grow(Body::Held* body, std::uint64_t bytes) {
   return true;
 }
 
-RequestMemory::Body::Body(RequestMemory* memory, std::uint64_t per_byte)
-    : memory_(memory), per_byte_(per_byte), held_(std::make_shared<Held>()) {
+RequestMemory::Body::Body(RequestMemory* memory)
+    : memory_(memory), held_(std::make_shared<Held>()) {
   const std::lock_guard lock(memory_->mutex_);
   held_->place = memory_->bodies_.insert(memory_->bodies_.end(), held_);
 }
@@ -93,11 +153,15 @@ RequestMemory::Body::~Body() {
   const std::lock_guard lock(memory_->mutex_);
   if (held_->refused || held_->place == memory_->bodies_.end()) return;
   memory_->bodies_.erase(held_->place);
-  memory_->used_ -= held_->charged;
+  memory_->ReturnLocked(held_->charged);
 }
 
 api::Check RequestMemory::Body::Append(std::span<const std::byte> piece) {
-  const std::uint64_t bytes = piece.size() * per_byte_;
+  const std::uint64_t bytes = piece.size();
+  received_ += bytes;
+  if (received_ > memory_->MostBodyBytes()) {
+    return memory_->NeverFits(received_, memory_->MostBodyBytes(), api::ErrorCode::kBodyTooLarge);
+  }
   if (memory_->Grow(held_.get(), bytes)) {
     const std::lock_guard text_lock(held_->text_mutex);
     if (!held_->refused) {

@@ -87,7 +87,7 @@ Service::Service(ServiceOptions options, Backend& backend, const Log& log)
     : options_(std::move(options)),
       log_(log),
       admission_(options_.max_running, options_.max_queued),
-      memory_(options_.request_memory_bytes),
+      memory_(options_.request_memory_bytes, options_.memory_lender),
       metrics_(options_.routes),
       context_{.backend = backend,
                .limits = options_.limits,

@@ -24,11 +24,14 @@ namespace kdray::server {
 
 struct ServiceOptions {
   api::Limits limits;
+  // Of each size of work (Lane).
   std::size_t max_running = 2;   ///< queries and renders that compute at the same time
   std::size_t max_queued = 128;  ///< queries and renders that wait for a turn
-  std::uint64_t request_memory_bytes = std::uint64_t{1}
-                                       << 30;  ///< for bodies, rows and images of running requests
-  std::optional<BearerTokens> tokens;          ///< nullopt: no token is needed
+  /// For bodies, rows, pictures and answers of requests; as many again may be borrowed from
+  /// `memory_lender`, if there is one (RequestMemory).
+  std::uint64_t request_memory_bytes = std::uint64_t{1} << 30;
+  core::MemoryBudget* memory_lender = nullptr;
+  std::optional<BearerTokens> tokens;  ///< nullopt: no token is needed
   CorsPolicy cors;
   std::span<const Route> routes = Routes();
 };

@@ -108,11 +108,13 @@ api::Check UploadBody::ChargeMemory() {
   const std::uint64_t decoded_soon = (decoded_ / kChargeStepBytes + 1) * kChargeStepBytes;
   const std::uint64_t needed = kEncodedPieceBytes + decoder_->MemoryBytes(decoded_soon);
   if (needed <= charged_) return std::nullopt;
-  // Not in addition to what it holds: RequestMemory lets a request that is alone take any amount.
-  share_ = RequestMemory::Share();
-  auto share = memory_->Take(needed);
-  if (!share) return std::move(share).problem();
-  share_ = *std::move(share);
+  if (charged_ == 0) {
+    auto share = memory_->Take(needed, ErrorCode::kMeshTooLarge);
+    if (!share) return std::move(share).problem();
+    share_ = *std::move(share);
+  } else if (auto problem = share_.Grow(needed - charged_, ErrorCode::kMeshTooLarge)) {
+    return problem;
+  }
   charged_ = needed;
   return std::nullopt;
 }

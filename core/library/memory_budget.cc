@@ -34,6 +34,11 @@ MemoryCharge MemoryCharge::Split(std::uint64_t bytes) {
   return MemoryCharge(budget_, taken);
 }
 
+void MemoryCharge::Add(MemoryCharge other) {
+  if (budget_ == nullptr) budget_ = other.budget_;
+  bytes_ += std::exchange(other.bytes_, 0);
+}
+
 Status MemoryBudget::CheckCouldFit(std::uint64_t bytes) const {
   if (bytes <= limit_) return {};
   return Error{ErrorCode::kMeshTooLarge, "this needs about " + std::to_string(bytes) +

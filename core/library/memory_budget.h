@@ -40,6 +40,8 @@ class MemoryCharge {
   void Shrink(std::uint64_t bytes);
   /// Moves min(bytes, bytes()) from this charge to the result.
   MemoryCharge Split(std::uint64_t bytes);
+  /// Moves the bytes of `other`, of the same budget, to this charge, which may be empty.
+  void Add(MemoryCharge other);
 
  private:
   friend class MemoryBudget;

@@ -135,6 +135,10 @@ class TreeLibrary {
 
   LibraryCounters counters() const;
 
+  /// The budget of meshes, trees and builds, from which others may borrow: TryReserve evicts idle
+  /// trees. Charges must end before the library.
+  MemoryBudget* memory() { return &budget_; }
+
   /// Stops builds, which resume at the next Open, and the writing of large derived files, which are
   /// made again when needed. Nothing is built or loaded after it.
   void Shutdown();

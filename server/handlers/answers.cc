@@ -15,8 +15,6 @@ namespace {
 using api::ErrorCode;
 using api::Problem;
 
-/// Body, rows and answer of a batch are of about one size.
-constexpr std::uint64_t kMemoryPerBodyByte = 3;
 constexpr std::size_t kBodyPieceBytes = std::size_t{64} << 10;
 
 Problem BodyTooLarge(std::uint64_t max_bytes, std::optional<std::uint64_t> declared) {
@@ -38,14 +36,15 @@ std::string_view Trim(std::string_view text) {
 }  // namespace
 
 api::Outcome<RequestBody> ReadWholeBody(const HandlerContext& context, const RoutedRequest& routed,
-                                        std::uint64_t max_bytes) {
+                                        std::uint64_t max_bytes, const WorkOfBody& work) {
   HttpPeer& peer = *routed.http.peer;
   const std::optional<std::uint64_t> declared = peer.body_size();
   if (declared && *declared > max_bytes) return BodyTooLarge(max_bytes, declared);
-  if (auto problem = context.memory.Check(declared.value_or(0) * kMemoryPerBodyByte)) {
-    return *std::move(problem);
+  if (declared && work) {
+    if (auto problem = context.admission.Check(LaneOf(work(*declared)))) return *std::move(problem);
   }
-  RequestMemory::Body body(&context.memory, kMemoryPerBodyByte);
+  if (auto problem = context.memory.CheckBody(declared.value_or(0))) return *std::move(problem);
+  RequestMemory::Body body(&context.memory);
   std::vector<std::byte> piece(
       std::min<std::uint64_t>(declared.value_or(max_bytes), kBodyPieceBytes));
   for (std::uint64_t taken = 0;;) {

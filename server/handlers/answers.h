@@ -6,18 +6,19 @@
 #include <string_view>
 
 #include "server/handler.h"
+#include "server/handlers/request_cost.h"
 
 namespace kdray::server {
 
 /// A body in memory, with its charge of request memory.
 using RequestBody = RequestMemory::Body::Whole;
 
-/// body_too_large beyond `max_bytes`, memory_full, or the problem of the peer's ReadBody(). Charges
-/// several times the body as its bytes arrive, for the data made from it (rows, the answer). If
-/// there is no memory now for a declared length, the request fails before a byte is read. A chunked
-/// body fails at its first byte beyond `max_bytes`.
+/// body_too_large beyond `max_bytes`, memory_full, overloaded, or the problem of the peer's
+/// ReadBody(). The body is charged as its bytes arrive. If there is no memory now for a declared
+/// length, or no place in the queue of its work, the request fails before a byte is read. A chunked
+/// body fails at its first byte beyond `max_bytes`. Without `work`, no queue is looked at.
 api::Outcome<RequestBody> ReadWholeBody(const HandlerContext& context, const RoutedRequest& routed,
-                                        std::uint64_t max_bytes);
+                                        std::uint64_t max_bytes, const WorkOfBody& work);
 
 /// For requests without a body whose method allows one: malformed_request if there is a body.
 api::Check RefuseBody(const RoutedRequest& routed);

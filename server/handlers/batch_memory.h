@@ -10,18 +10,18 @@
 
 namespace kdray::server {
 
-/// Begins with the share of the body, which covers some times its bytes; takes more of the budget
-/// when rows and answer need it. For one thread at a time.
+/// Begins with the share of the body, and takes more of the budget when rows and answer need it.
+/// Returned bytes are first used again by the same batch. For one thread at a time.
 class BatchMemory {
  public:
-  /// `body_bytes` of `share` are in use.
-  BatchMemory(RequestMemory::Share share, std::uint64_t body_bytes)
-      : share_(std::move(share)), used_(body_bytes) {}
+  /// `too_large` is the code for a batch that can never fit.
+  BatchMemory(RequestMemory::Share body, api::ErrorCode too_large)
+      : share_(std::move(body)), used_(share_.bytes()), too_large_(too_large) {}
 
-  /// memory_full if the budget does not have what is missing.
+  /// `too_large`, or memory_full if the budget does not have what is missing.
   api::Check Charge(std::uint64_t bytes) {
     if (used_ + bytes > share_.bytes()) {
-      if (auto problem = share_.Grow(used_ + bytes - share_.bytes())) return problem;
+      if (auto problem = share_.Grow(used_ + bytes - share_.bytes(), too_large_)) return problem;
     }
     used_ += bytes;
     return std::nullopt;
@@ -41,6 +41,7 @@ class BatchMemory {
  private:
   RequestMemory::Share share_;
   std::uint64_t used_;
+  const api::ErrorCode too_large_;
 };
 
 }  // namespace kdray::server

@@ -1,7 +1,9 @@
 #include "server/handlers/cells.h"
 
 #include <cstdint>
+#include <memory>
 #include <string>
+#include <utility>
 
 #include "api/answer_codec.h"
 #include "api/request_codec.h"
@@ -23,8 +25,12 @@ api::Outcome<HttpResponse> GetCells(const HandlerContext& context, RoutedRequest
   const std::string etag = MakeEtag("cells", routed.path_parameter, api::CanonicalQuery(*request));
   if (ClientHas(routed.http, etag)) return NotModified(context, etag, Caching::kHour);
 
-  const auto computation = BeginComputation(context, routed, TreeUse::kCells, kTimeLimit);
+  const auto computation =
+      BeginComputation(context, routed, TreeUse::kCells, kTimeLimit, kWorkOfCells);
   if (!computation) return computation.problem();
+  auto memory = context.memory.Take(MemoryOfCells(*request, context.limits.max_cells),
+                                    api::ErrorCode::kTooManyCells);
+  if (!memory) return memory.problem();
   const Stopwatch tracing;
   const auto cells =
       computation->tree->Cells(static_cast<std::uint32_t>(request->depth), computation->cancel);
@@ -33,6 +39,8 @@ api::Outcome<HttpResponse> GetCells(const HandlerContext& context, RoutedRequest
 
   const Stopwatch encoding;
   HttpResponse response = JsonAnswer(200, api::EncodeCells(*cells));
+  memory->ShrinkTo(response.body.size());
+  response.body.Own(std::make_shared<const RequestMemory::Share>(*std::move(memory)));
   routed.timing.encode_ms = encoding.ms();
   response.headers.Add("ETag", etag);
   SetCaching(response, context, Caching::kHour);

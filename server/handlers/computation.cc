@@ -30,14 +30,15 @@ Problem TimeLimit::Explain(Problem problem) const {
 Problem Computation::WhyStopped() const { return ToProblem(cancel.ToError()); }
 
 api::Outcome<Computation> BeginComputation(const HandlerContext& context, RoutedRequest& routed,
-                                           TreeUse use, const TimeLimit& limit) {
+                                           TreeUse use, const TimeLimit& limit,
+                                           std::uint64_t work) {
   auto cancel = CancelToken::WithDeadline(std::chrono::steady_clock::now() +
                                           std::chrono::milliseconds(limit.ms));
   auto watch = routed.http.peer->CancelWhenGone(cancel);
   // A request that waits for its tree computes nothing, so it needs no turn.
   auto tree = context.backend.Acquire(routed.path_parameter, use, cancel);
   if (!tree) return limit.Explain(std::move(tree).problem());
-  auto turn = context.admission.Enter(cancel);
+  auto turn = context.admission.Enter(LaneOf(work), cancel);
   if (!turn) return limit.Explain(std::move(turn).problem());
   routed.timing.queue_ms = turn->waited_ms();
   context.metrics.GotTurn(turn->waited_ms());

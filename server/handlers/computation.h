@@ -33,8 +33,9 @@ struct Computation {
 };
 
 /// Waits until the tree is built and in memory (tree_building if the limit comes first), then for a
-/// turn. The time starts here, after the request is complete, so a slow connection does not use it.
+/// turn in the lane of its `work` (server/handlers/request_cost.h). The time starts here, after the
+/// request is complete, so a slow connection does not use it.
 api::Outcome<Computation> BeginComputation(const HandlerContext& context, RoutedRequest& routed,
-                                           TreeUse use, const TimeLimit& limit);
+                                           TreeUse use, const TimeLimit& limit, std::uint64_t work);
 
 }  // namespace kdray::server

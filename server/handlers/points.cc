@@ -4,37 +4,16 @@
 #include <span>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "api/names.h"
 #include "api/point_codec.h"
 #include "api/request_codec.h"
 #include "server/handlers/answers.h"
+#include "server/handlers/batch_memory.h"
 #include "server/handlers/computation.h"
 
 namespace kdray::server {
 namespace {
-
-/// The memory of a query's rows and of its answer, which grows.
-class AnswerMemory {
- public:
-  explicit AnswerMemory(RequestMemory& memory) : memory_(memory) {}
-
-  /// Charges what is missing of `bytes`; memory_full if that is not free now.
-  api::Check Cover(std::uint64_t bytes) {
-    if (bytes <= charged_) return std::nullopt;
-    auto share = memory_.Take(bytes - charged_);
-    if (!share) return std::move(share).problem();
-    shares_.push_back(*std::move(share));
-    charged_ = bytes;
-    return std::nullopt;
-  }
-
- private:
-  RequestMemory& memory_;
-  std::vector<RequestMemory::Share> shares_;
-  std::uint64_t charged_ = 0;
-};
 
 /// The common part of the queries; `ask` is the tree's method.
 template <class Row>
@@ -46,7 +25,8 @@ api::Outcome<HttpResponse> AnswerPoints(
                                                       const LoadedTree::PutRows<Row>&) const) {
   if (!options) return options.problem();
   if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
-  auto body = ReadWholeBody(context, routed, context.limits.MaxBatchBytes());
+  const WorkOfBody work_of_body = WorkOfPoints();
+  auto body = ReadWholeBody(context, routed, context.limits.MaxBatchBytes(), work_of_body);
   if (!body) return std::move(body).problem();
   const HttpHeaders& headers = routed.http.headers;
   const auto type = api::DetectBatchType(body->text, headers.Find("Content-Type"));
@@ -57,28 +37,32 @@ api::Outcome<HttpResponse> AnswerPoints(
   const TimeLimit limit{.ms = options->deadline_ms,
                         .default_ms = api::PointOptions().deadline_ms,
                         .parameter = "deadline_ms"};
-  const auto computation = BeginComputation(context, routed, TreeUse::kRays, limit);
+  const auto computation =
+      BeginComputation(context, routed, TreeUse::kRays, limit, work_of_body(body->text.size()));
   if (!computation) return computation.problem();
   const api::ShouldStop should_stop = [&cancel = computation->cancel] {
     return cancel.ShouldStop();
   };
+  const std::size_t body_bytes = body->text.size();
+  BatchMemory memory(std::move(body->share), api::ErrorCode::kTooManyRays);
   const Stopwatch parsing;
-  const auto points = api::DecodePoints(body->text, *type, context.limits, should_stop);
+  const auto points =
+      api::DecodePoints(body->text, *type, context.limits,
+                        {.should_stop = should_stop, .run = {}, .charge = memory.charge()});
   if (!points) return should_stop() ? limit.Explain(computation->WhyStopped()) : points.problem();
   body->text = {};  // only the rows are needed from here on
+  memory.Return(body_bytes);
   routed.timing.parse_ms = parsing.ms();
 
-  AnswerMemory memory(context.memory);
-  if (auto problem = memory.Cover(points->size() * sizeof(api::Vec3))) return *std::move(problem);
+  if (auto problem = memory.Charge(MemoryOfBlock(points->size(), 1))) return *std::move(problem);
   double encode_ms = 0;
   api::Check full;
-  api::PointWriter writer(*points, *options, *answer_type);
+  api::PointWriter writer(*points, *options, *answer_type, memory.charge());
   const auto put = [&](std::span<const Row> rows) {
     if (full) return;
     const Stopwatch encoding;
-    writer.Put(rows);
+    full = writer.Put(rows);
     encode_ms += encoding.ms();
-    full = memory.Cover(points->size() * sizeof(api::Vec3) + writer.memory_bytes());
     if (full) computation->cancel.Cancel();  // the rest of the answer is not needed
   };
   const auto report = (*computation->tree.*ask)(*points, *options, computation->cancel, put);
@@ -88,8 +72,12 @@ api::Outcome<HttpResponse> AnswerPoints(
   routed.rows = points->size();
 
   const Stopwatch finishing;
+  auto pieces = std::move(writer).Finish(report->invalid);
+  if (!pieces) return std::move(pieces).problem();
+  std::uint64_t bytes = 0;
+  for (const api::ByteBlock& piece : *pieces) bytes += piece.size();
   HttpResponse response;
-  response.body = std::move(writer).Finish(report->invalid);
+  response.body = HttpBody(*std::move(pieces), std::move(memory).Keep(bytes));
   routed.timing.encode_ms = encode_ms + finishing.ms();
   response.headers.Add("Content-Type", api::ContentType(*answer_type));
   response.headers.Add("Vary", "Accept");

@@ -11,6 +11,7 @@
 #include "server/handlers/answers.h"
 #include "server/handlers/batch_memory.h"
 #include "server/handlers/computation.h"
+#include "server/release_pages.h"
 
 namespace kdray::server {
 namespace {
@@ -25,13 +26,39 @@ struct Query {
                                                     const api::RayOptions& options,
                                                     const CancelToken& cancel,
                                                     api::RowSink<Rows>* sink) const;
-  bool truncates = false;  ///< rows may be cut
+  bool lists = false;  ///< an answer has lists of hits, which may be cut
 };
 
 constexpr Query<api::ClosestRows> kClosest = {api::WriterOfClosest, &LoadedTree::Closest};
 constexpr Query<api::AnyRows> kAny = {api::WriterOfAny, &LoadedTree::Any};
 constexpr Query<api::CountRows> kCount = {api::WriterOfCount, &LoadedTree::Count};
 constexpr Query<api::AllRows> kAll = {api::WriterOfAll, &LoadedTree::All, true};
+
+/// Gives the rows of an answer to its writer, and the memory of a large batch back to the system
+/// block by block, so that the answer takes its place.
+template <class Rows>
+class ReleasingSink final : public api::RowSink<Rows> {
+ public:
+  ReleasingSink(const api::RayTable& rays, api::RowSink<Rows>* writer, BatchMemory* memory)
+      : rays_(rays), writer_(*writer), memory_(*memory) {}
+
+  api::Check Begin(std::size_t elements) override { return writer_.Begin(elements); }
+  void Put(const Rows& rows) override { writer_.Put(rows); }
+  void HaveRead(std::size_t rows) override {
+    constexpr std::size_t kLargeBytes = std::size_t{4} << 20;
+    const std::span<const char> read = rays_.MemoryOf(rows);
+    if (read.size() < kLargeBytes) return;
+    const std::size_t released = ReleasePages(read.subspan(released_));
+    released_ = read.size();
+    memory_.Return(released);
+  }
+
+ private:
+  const api::RayTable& rays_;
+  api::RowSink<Rows>& writer_;
+  BatchMemory& memory_;
+  std::size_t released_ = 0;  ///< bytes before the next row, which is not aligned to a page
+};
 
 template <class Rows>
 api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequest& routed,
@@ -40,7 +67,9 @@ api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequ
   if (!decoded) return decoded.problem();
   const api::RayOptions& options = *decoded;
   if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
-  auto body = ReadWholeBody(context, routed, context.limits.MaxBatchBytes());
+  const std::int64_t hits_per_ray = query.lists ? options.max_hits : 1;
+  const WorkOfBody work_of_body = WorkOfRays(hits_per_ray);
+  auto body = ReadWholeBody(context, routed, context.limits.MaxBatchBytes(), work_of_body);
   if (!body) return std::move(body).problem();
   const HttpHeaders& headers = routed.http.headers;
   const auto type = api::DetectBatchType(body->text, headers.Find("Content-Type"));
@@ -51,10 +80,12 @@ api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequ
   const TimeLimit limit{.ms = options.deadline_ms,
                         .default_ms = api::RayOptions().deadline_ms,
                         .parameter = "deadline_ms"};
-  const auto computation = BeginComputation(context, routed, TreeUse::kRays, limit);
+  const auto computation =
+      BeginComputation(context, routed, TreeUse::kRays, limit, work_of_body(body->text.size()));
   if (!computation) return computation.problem();
   const LoadedTree& tree = *computation->tree;
-  BatchMemory memory(std::move(body->share), body->text.size());
+  BatchMemory memory(std::move(body->share),
+                     query.lists ? api::ErrorCode::kTooManyHits : api::ErrorCode::kTooManyRays);
 
   const Stopwatch parsing;
   const api::BatchWork work{
@@ -63,7 +94,7 @@ api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequ
                  std::size_t count,
                  const std::function<void(std::size_t)>& piece) { tree.RunPieces(count, piece); },
       .charge = memory.charge()};
-  const auto rays = api::DecodeRays(body->text, *type, options, context.limits, work);
+  auto rays = api::DecodeRays(body->text, *type, options, context.limits, work);
   if (!rays) return work.should_stop() ? limit.Explain(computation->WhyStopped()) : rays.problem();
   if (*type == api::BatchType::kJson) {  // the rows of an array are read where they lie
     memory.Return(body->text.size());
@@ -72,11 +103,16 @@ api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequ
   routed.timing.parse_ms = parsing.ms();
 
   const auto writer = query.make_writer(*rays, options, *answer_type, memory.charge());
-  const auto report = (tree.*query.ask)(*rays, options, computation->cancel, writer.get());
+  const std::uint64_t block_bytes = MemoryOfBlock(rays->size(), hits_per_ray);
+  if (auto problem = memory.Charge(block_bytes)) return *std::move(problem);
+  ReleasingSink<Rows> sink(*rays, writer.get(), &memory);
+  const auto report = (tree.*query.ask)(*rays, options, computation->cancel, &sink);
   if (!report) return limit.Explain(report.problem());
   *routed.timing.parse_ms += report->parse_ms;
   routed.timing.trace_ms = report->trace_ms;
   routed.rows = rays->size();
+  *rays = {};
+  body->text = {};
 
   const Stopwatch finishing;
   auto pieces = std::move(*writer).Finish(*report);
@@ -90,7 +126,7 @@ api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequ
   response.headers.Add("Vary", "Accept");
   response.headers.Add("Kdray-Precision", api::Name(report->precision));
   response.headers.Add("Kdray-Invalid", std::to_string(report->invalid.size()));
-  if (query.truncates) {
+  if (query.lists) {
     response.headers.Add("Kdray-Truncated", std::to_string(report->truncated.size()));
   }
   if (report->offset) response.headers.Add("Kdray-Offset", api::NumberText(*report->offset));

@@ -1,6 +1,6 @@
 #include "server/handlers/render.h"
 
-#include <cstdint>
+#include <memory>
 #include <string>
 #include <utility>
 #include <variant>
@@ -19,34 +19,25 @@ namespace {
 
 using api::ImageForm;
 
-/// Four floats per pixel, and the encoder's memory; or three doubles, and their copy in the answer;
-/// with a budget, also the sums of the pixels.
-constexpr std::uint64_t kMemoryPerPixel = 32;
-constexpr std::uint64_t kMemoryPerPosition = 48;
-constexpr std::uint64_t kMemoryPerRefinedPixel = 64;
-
-std::uint64_t Pixels(const api::RenderRequest& request) {
-  const auto area = [](std::int64_t width, std::int64_t height) {
-    return static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
-  };
-  if (!request.region) return area(request.width, request.height);
-  return area(request.region->x1 - request.region->x0, request.region->y1 - request.region->y0);
+HttpBody NpyBody(api::ImageArray image) {
+  using Array = std::pair<std::string, api::ImageArray>;
+  std::string header = api::ImageHeader(image);
+  const auto array = std::make_shared<const Array>(std::move(header), std::move(image));
+  return HttpBody::Of({array->first, api::ImageBytes(array->second)}, array);
 }
 
 api::Outcome<HttpResponse> AnswerRender(const HandlerContext& context, RoutedRequest& routed,
                                         const api::RenderRequest& request, ImageForm form) {
-  const std::uint64_t per_pixel =
-      (request.mode == api::RenderMode::kPosition ? kMemoryPerPosition : kMemoryPerPixel) +
-      (request.budget_ms ? kMemoryPerRefinedPixel : 0);
-  const auto memory = context.memory.Take(Pixels(request) * per_pixel);
-  if (!memory) return memory.problem();
   const TimeLimit limit{.ms = request.deadline_ms,
                         .default_ms = api::RenderRequest().deadline_ms,
                         .parameter = "deadline_ms"};
   const bool needs_binary_tree = request.cells_depth || request.mode == api::RenderMode::kCost;
   const TreeUse use = needs_binary_tree ? TreeUse::kCells : TreeUse::kRays;
-  const auto computation = BeginComputation(context, routed, use, limit);
+  const auto computation =
+      BeginComputation(context, routed, use, limit, WorkOfPicture(request, form));
   if (!computation) return computation.problem();
+  auto memory = context.memory.Take(MemoryOfPicture(request, form), api::ErrorCode::kImageTooLarge);
+  if (!memory) return memory.problem();
   auto answer = computation->tree->Render(request, form == ImageForm::kPng, computation->cancel);
   if (!answer) return limit.Explain(std::move(answer).problem());
   routed.timing.trace_ms = answer->trace_ms;
@@ -57,8 +48,10 @@ api::Outcome<HttpResponse> AnswerRender(const HandlerContext& context, RoutedReq
   if (auto* bytes = std::get_if<std::vector<std::byte>>(&answer->image)) {
     response.body = std::move(*bytes);
   } else {
-    response.body = api::EncodeImage(std::get<api::ImageArray>(answer->image));
+    response.body = NpyBody(std::get<api::ImageArray>(std::move(answer->image)));
   }
+  memory->ShrinkTo(response.body.size());
+  response.body.Own(std::make_shared<const RequestMemory::Share>(*std::move(memory)));
   routed.timing.encode_ms = answer->encode_ms + encoding.ms();
   response.headers.Add("Content-Type", form == ImageForm::kPng ? "image/png" : "application/x-npy");
   response.headers.Add("Kdray-Precision", api::Name(answer->precision));
@@ -109,7 +102,7 @@ api::Outcome<HttpResponse> Post(const HandlerContext& context, RoutedRequest& ro
                                 ImageForm form) {
   if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
   if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
-  const auto body = ReadWholeBody(context, routed, context.limits.max_json_body_bytes);
+  const auto body = ReadWholeBody(context, routed, context.limits.max_json_body_bytes, {});
   if (!body) return body.problem();
   const Stopwatch parsing;
   const auto request = api::DecodeRenderBody(

@@ -1,5 +1,6 @@
 #include "server/handlers/visibility.h"
 
+#include <cstdint>
 #include <string>
 #include <utility>
 
@@ -8,12 +9,14 @@
 #include "api/request_codec.h"
 #include "api/visibility_codec.h"
 #include "server/handlers/answers.h"
+#include "server/handlers/batch_memory.h"
 #include "server/handlers/computation.h"
 
 namespace kdray::server {
 namespace {
 
-// Upper bound of the bytes of a pair: the answer, and its text in JSON.
+// Upper bound of the bytes of a pair, beside those of a block of rays: the answer, and its text in
+// JSON.
 constexpr std::uint64_t kPairBytes = 8;
 
 }  // namespace
@@ -22,7 +25,8 @@ api::Outcome<HttpResponse> PostVisibility(const HandlerContext& context, RoutedR
   const auto options = api::DecodeVisibilityOptions(routed.http.query_string, context.limits);
   if (!options) return options.problem();
   if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
-  auto body = ReadWholeBody(context, routed, context.limits.MaxBatchBytes());
+  const WorkOfBody work_of_body = WorkOfVisibility(*options, context.limits.max_rays);
+  auto body = ReadWholeBody(context, routed, context.limits.MaxBatchBytes(), work_of_body);
   if (!body) return std::move(body).problem();
   const HttpHeaders& headers = routed.http.headers;
   const auto type = api::DetectBatchType(body->text, headers.Find("Content-Type"));
@@ -34,20 +38,27 @@ api::Outcome<HttpResponse> PostVisibility(const HandlerContext& context, RoutedR
   const TimeLimit limit{.ms = options->deadline_ms,
                         .default_ms = api::VisibilityOptions().deadline_ms,
                         .parameter = "deadline_ms"};
-  const auto computation = BeginComputation(context, routed, TreeUse::kRays, limit);
+  const auto computation =
+      BeginComputation(context, routed, TreeUse::kRays, limit, work_of_body(body->text.size()));
   if (!computation) return computation.problem();
   const api::ShouldStop should_stop = [&cancel = computation->cancel] {
     return cancel.ShouldStop();
   };
+  const std::size_t body_bytes = body->text.size();
+  BatchMemory memory(std::move(body->share), api::ErrorCode::kTooManyRays);
   const Stopwatch parsing;
-  const auto sets = api::DecodePointSets(body->text, *type, *options, context.limits, should_stop);
+  const auto sets =
+      api::DecodePointSets(body->text, *type, *options, context.limits,
+                           {.should_stop = should_stop, .run = {}, .charge = memory.charge()});
   if (!sets) return should_stop() ? limit.Explain(computation->WhyStopped()) : sets.problem();
   body->text = {};  // only the points are needed from here on
+  memory.Return(body_bytes);
   routed.timing.parse_ms = parsing.ms();
 
-  const auto share = context.memory.Take((sets->from.size() + sets->to.size()) * sizeof(api::Vec3) +
-                                         sets->from.size() * (sets->to.size() + 1) * kPairBytes);
-  if (!share) return share.problem();
+  const std::uint64_t pairs = sets->from.size() * (sets->to.size() + 1);
+  if (auto problem = memory.Charge(pairs * kPairBytes + MemoryOfBlock(pairs, 1))) {
+    return *std::move(problem);
+  }
   const auto answer = computation->tree->Visibility(*sets, *options, computation->cancel);
   if (!answer) return limit.Explain(answer.problem());
   routed.timing.trace_ms = answer->trace_ms;
@@ -57,7 +68,9 @@ api::Outcome<HttpResponse> PostVisibility(const HandlerContext& context, RoutedR
   std::string bytes = api::EncodeVisibility(*answer, *sets, *options, *answer_type, should_stop);
   if (bytes.empty()) return limit.Explain(computation->WhyStopped());
   HttpResponse response;
+  const std::uint64_t answer_bytes = bytes.size();
   response.body = std::move(bytes);
+  response.body.Own(std::move(memory).Keep(answer_bytes));
   routed.timing.encode_ms = encoding.ms();
   response.headers.Add("Content-Type", api::ContentType(*answer_type));
   response.headers.Add("Vary", "Accept");

@@ -1,5 +1,6 @@
 #include "server/http/exchange.h"
 
+#include <array>
 #include <exception>
 #include <new>
 #include <utility>
@@ -16,6 +17,9 @@ using api::Problem;
 /// The beginning of every answer. Sent byte by byte to a client that has closed its sending side,
 /// it shows whether the client is still there, and does not depend on the answer.
 constexpr std::string_view kAnswerStart = "HTTP/1.1 ";
+/// The longest rest of a body that is read for nothing to keep the connection. A new connection
+/// costs about as much.
+constexpr std::uint64_t kMostSkippedBytes = std::uint64_t{4} << 20;
 /// Wait for a reset from the client's system after an incomplete body.
 constexpr std::chrono::milliseconds kResetWait{100};
 
@@ -66,9 +70,22 @@ void Exchange::Answer(HttpHandler& handler) {
     response_.body = HttpBody();
   }
   // After an error the connection is not trusted any more; unread bytes of a body are not the next
-  // request.
-  response_.close = response_.close || response_.status >= 400 || !keep_alive_ ||
-                    refusal_.has_value() || !connection_.is_body_complete();
+  // request. But a server that has too much to do must not add connections to it.
+  constexpr int kServiceUnavailable = 503;
+  const bool is_trusted = response_.status < 400 || response_.status == kServiceUnavailable;
+  const bool can_skip = response_.status == kServiceUnavailable && !expects_continue_ &&
+                        body_size_ && *body_size_ - connection_.body_bytes() <= kMostSkippedBytes;
+  response_.close = response_.close || !is_trusted || !keep_alive_ || refusal_.has_value() ||
+                    !(connection_.is_body_complete() || can_skip);
+}
+
+bool Exchange::SkipBody() {
+  std::array<std::byte, 64 * 1024> rest;
+  while (!connection_.is_body_complete()) {
+    std::size_t count = 0;
+    if (connection_.ReadBody(rest, &count) != Connection::Read::kDone) return false;
+  }
+  return true;
 }
 
 HttpRecord Exchange::Record(Clock::time_point start) const {

@@ -47,6 +47,11 @@ class Exchange final : public HttpPeer, private WatchedClient {
     if (response_.close) return "close";
     return is_1_0_ ? "keep-alive" : "";
   }
+
+  /// After the answer was sent: reads what the request that was refused still sends, so the
+  /// connection can be kept. False if that fails.
+  bool SkipBody();
+
   /// Whether the whole answer was sent; for the record.
   void set_complete(bool complete) { complete_ = complete; }
   HttpRecord Record(std::chrono::steady_clock::time_point start) const;

@@ -330,7 +330,7 @@ class HttpServer::Impl final : private httplib::Server {
     const bool written = responder.Answer(exchange);
     exchange.set_complete(connection.Flush() && written);
     handler_.Answered(exchange.Record(start));
-    if (exchange.response().close || !written) return false;
+    if (exchange.response().close || !written || !exchange.SkipBody()) return false;
     connection.EndRequest();
     return true;
   }

@@ -55,9 +55,10 @@ HttpBody::HttpBody(std::vector<std::byte> bytes) {
 }
 
 HttpBody::HttpBody(std::vector<api::ByteBlock> pieces, std::shared_ptr<const void> owner) {
-  using Owned = std::pair<std::vector<api::ByteBlock>, std::shared_ptr<const void>>;
-  auto owned = std::make_shared<const Owned>(std::move(pieces), std::move(owner));
-  for (const api::ByteBlock& piece : owned->first) {
+  // Destroyed from the last to the first: the bytes before their charge.
+  using Owned = std::pair<std::shared_ptr<const void>, std::vector<api::ByteBlock>>;
+  auto owned = std::make_shared<const Owned>(std::move(owner), std::move(pieces));
+  for (const api::ByteBlock& piece : owned->second) {
     pieces_.push_back({size_, piece.view()});
     size_ += piece.size();
   }
@@ -76,6 +77,23 @@ HttpBody HttpBody::Streamed(std::uint64_t size, Reader reader) {
   body.size_ = size;
   body.reader_ = std::move(reader);
   return body;
+}
+
+HttpBody HttpBody::Of(const std::vector<std::string_view>& pieces,
+                      std::shared_ptr<const void> owner) {
+  HttpBody body;
+  for (const std::string_view piece : pieces) {
+    body.pieces_.push_back({body.size_, piece});
+    body.size_ += piece.size();
+  }
+  body.owner_ = std::move(owner);
+  return body;
+}
+
+void HttpBody::Own(std::shared_ptr<const void> owner) {
+  using Both = std::pair<std::shared_ptr<const void>, std::shared_ptr<const void>>;
+  // Destroyed from the last to the first: the bytes before their charge.
+  owner_ = std::make_shared<const Both>(std::move(owner), std::move(owner_));
 }
 
 std::string_view HttpBody::BytesFrom(std::uint64_t offset) const {

@@ -87,6 +87,12 @@ class HttpBody {
   /// Static bytes (embedded files).
   static HttpBody Static(std::string_view bytes);
   static HttpBody Streamed(std::uint64_t size, Reader reader);
+  /// Pieces of memory that `owner` keeps, sent one after the other; none is empty.
+  static HttpBody Of(const std::vector<std::string_view>& pieces,
+                     std::shared_ptr<const void> owner);
+
+  /// Keeps `owner` as long as the bytes; for what is charged for them.
+  void Own(std::shared_ptr<const void> owner);
 
   std::uint64_t size() const { return size_; }
   /// Null unless the body is streamed.

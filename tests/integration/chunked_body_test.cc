@@ -296,7 +296,7 @@ TEST_F(ServiceOverHttp, ChargesAChunkedBodyAsItArrives) {
   RawClient slow(running_.port());
   slow.Send("POST " + Tree("/rays/any") +
             " HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n\r\nfffffffffffffff\r\n{\"rays");
-  WaitFor([&] { return running_.service().request_memory_used() == 3 * 6; });
+  WaitFor([&] { return running_.service().request_memory_used() == 6; });
   EXPECT_EQ(running_.Ask("POST", Tree("/rays/any"), kRays).status, 200);
   slow.Close();
   WaitFor([&] { return running_.service().request_memory_used() == 0; });

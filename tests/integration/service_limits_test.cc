@@ -34,7 +34,7 @@ class SmallService : public ServiceOverHttp {
     options.limits.max_upload_bytes = 100;
     options.limits.max_rays = 3;
     options.limits.max_pixels = 100;
-    options.request_memory_bytes = 100;
+    options.request_memory_bytes = 16 * 1024;
     return options;
   }
 };
@@ -85,7 +85,7 @@ TEST_F(ServiceOverHttp, SaysWhichTimeHasPassed) {
 TEST_F(SmallService, SaysWhichTimeHasPassedInTheQueue) {
   backend_.hold = true;
   RawClient running(running_.port());
-  running.Send(MakeRequest("GET", Tree("/cells?depth=1")));
+  running.Send(MakeRequest("GET", Tree("/render.png?width=1&height=1")));
   WaitFor([&] { return backend_.running == 1; });
   const RawAnswer late = running_.Ask("GET", Tree("/render.png?width=1&height=1&deadline_ms=37"));
   EXPECT_EQ(RunningService::CodeOf(late), "deadline_exceeded");
@@ -250,19 +250,32 @@ TEST_F(SmallService, QueuesAsManyAsItSaysAndRefusesTheRestAtOnce) {
   EXPECT_EQ(backend_.most_running, 1);
 }
 
-TEST_F(SmallService, RefusesBodiesThatDoNotFitIntoItsMemoryNow) {
+TEST_F(SmallService, RefusesBeforeTheBodyAndKeepsTheConnection) {
   const std::string path = Tree("/rays/any");
   backend_.hold = true;
-  RawClient first(running_.port());
-  first.Send(MakeRequest("POST", path, kRays));
+  RawClient running(running_.port()), queued(running_.port());
+  running.Send(MakeRequest("POST", path, kRays));
   WaitFor([&] { return backend_.running == 1; });
-  const RawAnswer refused = running_.Ask("POST", path, kRays);
-  EXPECT_EQ(refused.status, 503);
-  EXPECT_EQ(RunningService::CodeOf(refused), "memory_full");
-  EXPECT_NE(refused.Header("retry-after"), "");
+  queued.Send(MakeRequest("POST", path, kRays));
+  WaitFor([&] {
+    return running_.Ask("GET", "/metrics").body.find("\nkdray_queued_requests 1\n") !=
+           std::string::npos;
+  });
+  RawClient client(running_.port());
+  const std::string request = MakeRequest("POST", path, kRays);
+  client.Send(request.substr(0, request.size() - std::string_view(kRays).size()));
+  const auto refused = client.Read();
+  ASSERT_TRUE(refused) << "the answer comes before the body";
+  EXPECT_EQ(RunningService::CodeOf(*refused), "overloaded");
+  EXPECT_EQ(refused->Header("connection"), "");
+  client.Send(kRays);
+  client.Send(MakeRequest("GET", "/healthz"));
+  const auto next = client.Read();
+  ASSERT_TRUE(next) << "the connection is kept";
+  EXPECT_EQ(next->status, 200);
   backend_.hold = false;
-  EXPECT_EQ(first.Read()->status, 200);
-  EXPECT_EQ(running_.Ask("POST", path, kRays).status, 200);
+  EXPECT_EQ(running.Read()->status, 200);
+  EXPECT_EQ(queued.Read()->status, 200);
 }
 
 TEST_F(ServiceOverHttp, ABodyThatIsDeclaredAndDoesNotComeExcludesNobody) {
@@ -284,27 +297,63 @@ TEST_F(ServiceOverHttp, ABodyThatIsDeclaredAndDoesNotComeExcludesNobody) {
   EXPECT_EQ(running_.Ask("POST", path, kRays).status, 200);
 }
 
-// Each byte of a body counts three: room for two bodies without their last five bytes.
+// Room for one query: 128 bytes of rows and 192 of its block. 112 of the bytes are not for bodies.
 class TightService : public ServiceOverHttp {
  protected:
   TightService() : ServiceOverHttp(Tight()) {}
   static ServiceOptions Tight() {
     ServiceOptions options;
-    options.request_memory_bytes = 6 * std::string_view(kRays).size() - 30;
+    options.request_memory_bytes = 450;
     return options;
   }
 };
 
+TEST_F(TightService, RefusesBodiesThatDoNotFitIntoItsMemoryNow) {
+  const std::string path = Tree("/rays/any");
+  backend_.hold = true;
+  RawClient first(running_.port());
+  first.Send(MakeRequest("POST", path, kRays));
+  WaitFor([&] { return backend_.running == 1; });
+  const RawAnswer refused = running_.Ask("POST", path, kRays);
+  EXPECT_EQ(refused.status, 503);
+  EXPECT_EQ(RunningService::CodeOf(refused), "memory_full");
+  EXPECT_NE(refused.Header("retry-after"), "");
+  backend_.hold = false;
+  EXPECT_EQ(first.Read()->status, 200);
+  // Memory is returned after the answer has been sent.
+  WaitFor([&] { return running_.service().request_memory_used() == 0; });
+  EXPECT_EQ(running_.Ask("POST", path, kRays).status, 200);
+}
+
+TEST_F(TightService, RefusesForGoodWhatNeverFitsIntoItsMemory) {
+  const auto expect = [&](const std::string& code, const RawAnswer& answer) {
+    EXPECT_EQ(answer.status, 413);
+    EXPECT_EQ(RunningService::CodeOf(answer), code);
+    EXPECT_EQ(answer.Header("retry-after"), "");
+    EXPECT_THAT(answer.body, HasSubstr("--memory-limit"));
+  };
+  const std::string six_rows =
+      "{\"rays\":[[0,0,1,0,0,1],[0,0,1,0,0,1],[0,0,1,0,0,1],[0,0,1,0,0,1],[0,0,1,0,0,1],"
+      "[0,0,1,0,0,1]]}";
+  expect("too_many_rays", running_.Ask("POST", Tree("/rays/any"), six_rows));
+  expect("too_many_hits", running_.Ask("POST", Tree("/rays/all"), kRays));
+  expect("body_too_large", running_.Ask("POST", Tree("/rays/any"), std::string(400, ' ')));
+  expect("image_too_large", running_.Ask("GET", Tree("/render.png?width=10&height=10")));
+  expect("image_too_large", running_.Ask("GET", Tree("/render.npy?width=10&height=10")));
+  expect("too_many_cells", running_.Ask("GET", Tree("/cells?depth=1")));
+  WaitFor([&] { return running_.service().request_memory_used() == 0; });
+}
+
 TEST_F(TightService, RefusesTheNewestBodyWhenItsMemoryIsFull) {
   const std::string path = Tree("/rays/any");
-  const std::string_view rays = kRays;
-  const auto begin = [&](RawClient& client, std::string_view first_bytes) {
+  std::string rays = kRays;
+  rays.append(170 - rays.size(), ' ');
+  const auto begin = [&](RawClient& client, const std::string& first_bytes) {
     const std::uint64_t used = running_.service().request_memory_used();
     client.Send("POST " + path + " HTTP/1.1\r\nHost: a\r\nContent-Length: " +
                 std::to_string(rays.size()) + "\r\n\r\n");
     client.Send(first_bytes);
-    WaitFor(
-        [&] { return running_.service().request_memory_used() == used + 3 * first_bytes.size(); });
+    WaitFor([&] { return running_.service().request_memory_used() == used + first_bytes.size(); });
   };
   RawClient older(running_.port()), newest(running_.port());
   begin(older, rays.substr(0, rays.size() - 10));
@@ -317,6 +366,7 @@ TEST_F(TightService, RefusesTheNewestBodyWhenItsMemoryIsFull) {
   const auto refused = newest.Read();
   ASSERT_TRUE(refused);
   EXPECT_EQ(RunningService::CodeOf(*refused), "memory_full");
+  WaitFor([&] { return running_.service().request_memory_used() == 0; });
   EXPECT_EQ(running_.Ask("POST", path, kRays).status, 200);
 }
 

@@ -282,18 +282,22 @@ TEST(Answers, EndWithTheProblemOfTheirMemory) {
   }
 }
 
+std::string ImageFile(const ImageArray& image) {
+  return ImageHeader(image).append(ImageBytes(image));
+}
+
 TEST(Images, AreArraysInCOrder) {
   const ImageArray depth{2, 1, 1, std::vector<float>{1.5f, 2.5f}};
-  const std::string depth_npy = EncodeImage(depth);
+  const std::string depth_npy = ImageFile(depth);
   const auto array = ReadNpy(depth_npy);
   ASSERT_TRUE(array);
   EXPECT_THAT(array->shape, testing::ElementsAre(1, 2));
   EXPECT_EQ(array->data, Bytes(std::vector<float>{1.5f, 2.5f}));
   const ImageArray normal{1, 2, 3, std::vector<float>(6)};
-  EXPECT_THAT(EncodeImage(normal), HasSubstr("'shape': (2, 1, 3), }"));
+  EXPECT_THAT(ImageFile(normal), HasSubstr("'shape': (2, 1, 3), }"));
   const ImageArray triangle{2, 1, 1, std::vector<std::int32_t>{-1, 5}};
-  EXPECT_THAT(EncodeImage(triangle), HasSubstr("'<i4'"));
-  EXPECT_THAT(EncodeImage(triangle), testing::EndsWith(Bytes(std::vector<std::int32_t>{-1, 5})));
+  EXPECT_THAT(ImageFile(triangle), HasSubstr("'<i4'"));
+  EXPECT_THAT(ImageFile(triangle), testing::EndsWith(Bytes(std::vector<std::int32_t>{-1, 5})));
 }
 
 TEST(Batches, AreReadWithTheOptionsThatFillThem) {

@@ -172,7 +172,8 @@ TEST_F(Numpy, ReadsTheAnswersThatAreWrittenHere) {
       "[('ray', '<i8'), ('t', '<f8'), ('triangle', '<i8'), ('u', '<f8'), ('v', '<f8')] (0,)\n"
       "\n\n\n\n\n";
 
-  files.push_back(EncodeImage({2, 1, 3, std::vector<float>{1, 2, 3, 4, 5, 6}}));
+  const ImageArray image{2, 1, 3, std::vector<float>{1, 2, 3, 4, 5, 6}};
+  files.push_back(ImageHeader(image).append(ImageBytes(image)));
   wanted += "<f4 (1, 2, 3)\n1.0 2.0 3.0 4.0 5.0 6.0\n";
 
   EXPECT_EQ(Dump(files), wanted);

@@ -422,8 +422,8 @@ TEST(Examples, OfPointQueriesAreReadAndWritten) {
     const auto options = DecodeClosestPointOptions("", Limits{});
     ASSERT_TRUE(options) << options.problem().detail;
     PointWriter writer(*points, *options, BatchType::kJson);
-    writer.Put(std::span(rows));
-    EXPECT_EQ(json::parse(std::move(writer).Finish({})),
+    EXPECT_FALSE(writer.Put(std::span(rows)));
+    EXPECT_EQ(json::parse(Join(std::move(writer).Finish({}))),
               Example("/paths/~1v1~1trees~1{id}~1points~1" + std::string(path) + "/post" + kOkJson +
                       "square"));
   };

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/unit/api/answers.h"
 #include "tests/unit/api/npy_bytes.h"
 
 namespace kdray::api {
@@ -123,7 +124,8 @@ TEST(PointCodec, RefusesOtherArrays) {
 
 TEST(PointCodec, StopsWhenItIsTold) {
   const std::string npy = NpyFile(Header("<f4", false, "(4, 3)"), Bytes(Counted<float>(12)));
-  EXPECT_FALSE(DecodePoints(npy, BatchType::kNpy, Limits{}, [] { return true; }));
+  EXPECT_FALSE(DecodePoints(npy, BatchType::kNpy, Limits{},
+                            {.should_stop = [] { return true; }, .run = {}, .charge = {}}));
 }
 
 PointTable Rows(std::size_t count, NumberType type = NumberType::kF8) {
@@ -138,9 +140,9 @@ TEST(PointCodec, WritesClosestPointsAsJson) {
   const PointTable points = Rows(3);
   const PointOptions options;
   PointWriter writer(points, options, BatchType::kJson);
-  writer.Put(std::span(kFound).first(1));
-  writer.Put(std::span(kFound).subspan(1));
-  EXPECT_EQ(std::move(writer).Finish({1}),
+  EXPECT_FALSE(writer.Put(std::span(kFound).first(1)));
+  EXPECT_FALSE(writer.Put(std::span(kFound).subspan(1)));
+  EXPECT_EQ(Join(std::move(writer).Finish({1})),
             R"({"results":[{"distance":1.5,"point":[1,0,3],"triangle":7,"u":0.25,"v":0.5},null,)"
             R"({"distance":1e+300,"point":[-1e+300,0,0],"triangle":0,"u":1,"v":0}],)"
             R"("invalid":[1],"truncated":[]})");
@@ -152,14 +154,14 @@ TEST(PointCodec, WritesTheFieldsInTheirOrderAndTheNumbersInTheirType) {
   options.fields = {PointField::kNormal, PointField::kDistance};
   {
     PointWriter writer(points, options, BatchType::kJson);
-    writer.Put(std::span(kFound).subspan(2));
-    EXPECT_EQ(std::move(writer).Finish({}),
+    EXPECT_FALSE(writer.Put(std::span(kFound).subspan(2)));
+    EXPECT_EQ(Join(std::move(writer).Finish({})),
               R"({"results":[{"normal":[1,0,0],"distance":3.4028235e+38}],)"
               R"("invalid":[],"truncated":[]})");
   }
   PointWriter writer(points, options, BatchType::kNpy);
-  writer.Put(std::span(kFound));
-  const std::string npy = std::move(writer).Finish({1});
+  EXPECT_FALSE(writer.Put(std::span(kFound)));
+  const std::string npy = Join(std::move(writer).Finish({1}));
   EXPECT_THAT(HeaderOf(npy), HasSubstr("[('normal', '<f4', (3,)), ('distance', '<f4')]"));
   EXPECT_THAT(HeaderOf(npy), HasSubstr("'shape': (3,)"));
   float numbers[12];
@@ -176,8 +178,8 @@ TEST(PointCodec, WritesOneFieldAsAPlainArrayOfTheLeadingShape) {
   options.fields = {PointField::kPoint};
   {
     PointWriter writer(points, options, BatchType::kNpy);
-    writer.Put(std::span(kFound));
-    const std::string npy = std::move(writer).Finish({});
+    EXPECT_FALSE(writer.Put(std::span(kFound)));
+    const std::string npy = Join(std::move(writer).Finish({}));
     EXPECT_THAT(HeaderOf(npy), HasSubstr("'<f8'"));
     EXPECT_THAT(HeaderOf(npy), HasSubstr("'shape': (1, 3, 3)"));
     EXPECT_EQ(DataOf(npy).size(), 72u);
@@ -186,8 +188,8 @@ TEST(PointCodec, WritesOneFieldAsAPlainArrayOfTheLeadingShape) {
   options.fields = {PointField::kTriangle};
   options.dtype = NumberType::kF4;
   PointWriter writer(points, options, BatchType::kNpy);
-  writer.Put(std::span(kFound));
-  const std::string npy = std::move(writer).Finish({});
+  EXPECT_FALSE(writer.Put(std::span(kFound)));
+  const std::string npy = Join(std::move(writer).Finish({}));
   EXPECT_THAT(HeaderOf(npy), HasSubstr("'<i4'"));
   EXPECT_EQ(DataOf(npy), Bytes<std::int32_t>({7, -1, 0}));
 }
@@ -199,8 +201,8 @@ TEST(PointCodec, WritesSignedDistancesAndSides) {
   const std::vector<std::int8_t> sides = {1, 0, -1, 0};
   const auto write = [&](BatchType type, const auto& rows) {
     PointWriter writer(points, options, type);
-    writer.Put(std::span(rows));
-    return std::move(writer).Finish({2});
+    EXPECT_FALSE(writer.Put(std::span(rows)));
+    return Join(std::move(writer).Finish({2}));
   };
   EXPECT_EQ(write(BatchType::kJson, distances),
             R"({"results":[-2.5,0,null,null],"invalid":[2],"truncated":[]})");
@@ -219,8 +221,8 @@ TEST(PointCodec, WritesAnEmptyAnswer) {
   const PointOptions options;
   for (const BatchType type : {BatchType::kJson, BatchType::kNpy}) {
     PointWriter writer(points, options, type);
-    writer.Put(std::span<const NearestPoint>());
-    const std::string answer = std::move(writer).Finish({});
+    EXPECT_FALSE(writer.Put(std::span<const NearestPoint>()));
+    const std::string answer = Join(std::move(writer).Finish({}));
     if (type == BatchType::kJson) {
       EXPECT_EQ(answer, R"({"results":[],"invalid":[],"truncated":[]})");
     } else {

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -14,6 +15,11 @@ namespace {
 
 using api::ErrorCode;
 using Body = RequestMemory::Body;
+using Share = RequestMemory::Share;
+
+// Of 6400 bytes, a small request has at most 100; large ones leave it 800, and large bodies 1600.
+constexpr std::uint64_t kOwn = 6400;
+constexpr ErrorCode kNever = ErrorCode::kImageTooLarge;
 
 std::vector<std::byte> Bytes(std::size_t count, char value = 'x') {
   return std::vector<std::byte>(count, static_cast<std::byte>(value));
@@ -25,92 +31,153 @@ bool Append(Body& body, std::size_t count, char value = 'x') {
   return !problem;
 }
 
+std::optional<Share> TakeIfFree(RequestMemory& memory, std::uint64_t bytes) {
+  auto share = memory.Take(bytes, kNever);
+  if (!share) {
+    EXPECT_EQ(share.problem().code, ErrorCode::kMemoryFull);
+    return std::nullopt;
+  }
+  return *std::move(share);
+}
+
 TEST(RequestMemory, RefusesWorkThatDoesNotFitNow) {
-  RequestMemory memory(100);
-  const auto first = memory.Take(60);
-  EXPECT_TRUE(first.ok());
-  EXPECT_TRUE(memory.Take(40).ok());
-  const auto refused = memory.Take(41);
+  RequestMemory memory(kOwn);
+  const auto first = TakeIfFree(memory, 4000);
+  EXPECT_TRUE(first);
+  EXPECT_TRUE(TakeIfFree(memory, 1600));
+  EXPECT_FALSE(TakeIfFree(memory, 1601));
+  EXPECT_EQ(memory.used(), 4000U);
+}
+
+TEST(RequestMemory, RefusesForGoodWhatCanNeverFit) {
+  RequestMemory memory(kOwn);
+  EXPECT_TRUE(TakeIfFree(memory, 5600));
+  const auto refused = memory.Take(5601, kNever);
   ASSERT_FALSE(refused.ok());
-  EXPECT_EQ(refused.problem().code, ErrorCode::kMemoryFull);
+  EXPECT_EQ(refused.problem().code, kNever);
+  EXPECT_EQ(refused.problem().limit, 5600);
+  EXPECT_EQ(refused.problem().actual, 5601);
+  Share share = *TakeIfFree(memory, 5000);
+  const api::Check too_large = share.Grow(601, kNever);
+  ASSERT_TRUE(too_large);
+  EXPECT_EQ(too_large->code, kNever);
+  EXPECT_EQ(share.bytes(), 5000U);
+}
+
+TEST(RequestMemory, LeavesAPartToSmallRequests) {
+  RequestMemory memory(kOwn);
+  const auto large = TakeIfFree(memory, 5600);
+  std::vector<Share> small;
+  for (int i = 0; i < 8; ++i) {
+    auto share = TakeIfFree(memory, 100);
+    ASSERT_TRUE(share) << i;
+    small.push_back(*std::move(share));
+  }
+  EXPECT_FALSE(TakeIfFree(memory, 1));
+  EXPECT_TRUE(memory.CheckBody(1));
+  small.pop_back();
+  EXPECT_FALSE(memory.CheckBody(100));
 }
 
 TEST(RequestMemory, TakesBackWhatIsNoLongerHeld) {
-  RequestMemory memory(100);
+  RequestMemory memory(kOwn);
   {
-    RequestMemory::Share share = *memory.Take(100);
-    const RequestMemory::Share moved = std::move(share);
+    Share share = *TakeIfFree(memory, 100);
+    const Share moved = std::move(share);
     EXPECT_EQ(memory.used(), 100U);
   }
   EXPECT_EQ(memory.used(), 0U);
 }
 
 TEST(RequestMemory, AShareGrowsAsFarAsThereIsRoomAndShrinksAtOnce) {
-  RequestMemory memory(100);
-  RequestMemory::Share share = *memory.Take(40);
-  const RequestMemory::Share other = *memory.Take(40);
-  EXPECT_FALSE(share.Grow(20));
-  const api::Check refused = share.Grow(1);
+  RequestMemory memory(kOwn);
+  Share share = *TakeIfFree(memory, 2000);
+  const Share other = *TakeIfFree(memory, 2000);
+  EXPECT_FALSE(share.Grow(1600, kNever));
+  const api::Check refused = share.Grow(1, kNever);
   ASSERT_TRUE(refused);
   EXPECT_EQ(refused->code, ErrorCode::kMemoryFull);
-  EXPECT_EQ(share.bytes(), 60U);
-  share.ShrinkTo(70);
-  EXPECT_EQ(memory.used(), 100U) << "it has less";
+  EXPECT_EQ(share.bytes(), 3600U);
+  share.ShrinkTo(3700);
+  EXPECT_EQ(memory.used(), 5600U) << "it has less";
   share.ShrinkTo(5);
-  EXPECT_EQ(memory.used(), 45U);
+  EXPECT_EQ(memory.used(), 2005U);
 }
 
-TEST(RequestMemory, AShareThatIsAloneGrowsBeyondTheLimit) {
-  RequestMemory memory(100);
-  RequestMemory::Share share = *memory.Take(40);
-  EXPECT_FALSE(share.Grow(1000));
-  EXPECT_EQ(memory.used(), 1040U);
+TEST(RequestMemory, BorrowsWhatTreesDoNotNeedAndGivesItBack) {
+  core::MemoryBudget trees(3 * kOwn);
+  RequestMemory memory(kOwn, &trees);
+  {
+    auto tree = trees.TryReserve(2 * kOwn + 1);
+    ASSERT_TRUE(tree);
+    EXPECT_FALSE(TakeIfFree(memory, 2 * kOwn - 800)) << "a tree in use needs it";
+    EXPECT_TRUE(TakeIfFree(memory, kOwn)) << "some of it is free";
+  }
+  EXPECT_EQ(memory.borrowed(), 0U);
+  {
+    Share large = *TakeIfFree(memory, 2 * kOwn - 800);
+    EXPECT_EQ(memory.borrowed(), kOwn);
+    EXPECT_EQ(trees.used(), kOwn);
+    EXPECT_FALSE(TakeIfFree(memory, 1000));
+    EXPECT_TRUE(TakeIfFree(memory, 100)) << "small requests have their part";
+    large.ShrinkTo(kOwn);
+    EXPECT_EQ(memory.borrowed(), 800U);
+    EXPECT_FALSE(memory.CheckBody(100));
+  }
+  EXPECT_EQ(trees.used(), 0U);
+  const auto refused = memory.Take(2 * kOwn - 799, kNever);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.problem().code, kNever);
 }
 
-TEST(RequestMemory, LetsALargeRequestInAlone) {
-  RequestMemory memory(100);
-  const auto large = memory.Take(1'000'000);
-  EXPECT_TRUE(large.ok());
-  EXPECT_FALSE(memory.Take(1).ok());
+TEST(RequestMemory, BodiesDoNotBorrow) {
+  core::MemoryBudget trees(3 * kOwn);
+  RequestMemory memory(kOwn, &trees);
+  Body body(&memory);
+  EXPECT_TRUE(Append(body, 4800));
+  const auto problem = body.Append(Bytes(1));
+  ASSERT_TRUE(problem);
+  EXPECT_EQ(problem->code, ErrorCode::kBodyTooLarge);
+  EXPECT_EQ(trees.used(), 0U);
 }
 
 TEST(RequestMemory, ABodyHoldsWhatHasArrivedAndNoMore) {
-  RequestMemory memory(100);
+  RequestMemory memory(kOwn);
   {
-    Body body(&memory, 3);
+    Body body(&memory);
     EXPECT_EQ(memory.used(), 0U);
     EXPECT_TRUE(Append(body, 10));
-    EXPECT_EQ(memory.used(), 30U);
-    EXPECT_TRUE(memory.Take(70).ok());
+    EXPECT_EQ(memory.used(), 10U);
+    EXPECT_TRUE(TakeIfFree(memory, 5000));
   }
   EXPECT_EQ(memory.used(), 0U);
 }
 
 TEST(RequestMemory, ACompleteBodyKeepsItsBytesAndItsShare) {
-  RequestMemory memory(100);
+  RequestMemory memory(kOwn);
   {
-    auto body = std::make_unique<Body>(&memory, 2);
+    auto body = std::make_unique<Body>(&memory);
     EXPECT_TRUE(Append(*body, 5, 'a'));
     EXPECT_TRUE(Append(*body, 5, 'b'));
     const auto whole = body->Finish();
     ASSERT_TRUE(whole.ok());
     body.reset();
     EXPECT_EQ(whole->text.view(), "aaaaabbbbb");
-    EXPECT_EQ(memory.used(), 20U);
+    EXPECT_EQ(memory.used(), 10U);
   }
   EXPECT_EQ(memory.used(), 0U);
 }
 
 TEST(RequestMemory, TheNewestBodyGivesWayToAnOlderOne) {
-  RequestMemory memory(100);
-  Body oldest(&memory, 1);
-  Body middle(&memory, 1);
-  Body newest(&memory, 1);
-  EXPECT_TRUE(Append(newest, 30));
-  EXPECT_TRUE(Append(middle, 40));
-  EXPECT_TRUE(Append(oldest, 50)) << "the newest gave way, nobody waited";
-  EXPECT_EQ(memory.used(), 90U) << "its bytes are free before it notices";
-  EXPECT_TRUE(Append(middle, 10)) << "the next newest did not have to";
+  RequestMemory memory(kOwn);
+  Body oldest(&memory);
+  Body middle(&memory);
+  Body newest(&memory);
+  EXPECT_TRUE(Append(newest, 1300));
+  EXPECT_TRUE(Append(middle, 1900));
+  EXPECT_TRUE(Append(oldest, 2400)) << "the newest gave way, nobody waited";
+  EXPECT_EQ(memory.used(), 4300U) << "its bytes are free before it notices";
+  EXPECT_TRUE(Append(middle, 500)) << "the next newest did not have to";
   EXPECT_FALSE(Append(newest, 1));
   const auto refused = newest.Finish();
   ASSERT_FALSE(refused.ok());
@@ -120,55 +187,47 @@ TEST(RequestMemory, TheNewestBodyGivesWayToAnOlderOne) {
 }
 
 TEST(RequestMemory, TheNewestBodyIsTheOneRefusedWhenItMeetsAFullBudget) {
-  RequestMemory memory(100);
-  Body older(&memory, 1);
-  Body newest(&memory, 1);
-  EXPECT_TRUE(Append(older, 80));
-  EXPECT_FALSE(Append(newest, 30));
-  EXPECT_TRUE(Append(older, 20));
+  RequestMemory memory(kOwn);
+  Body older(&memory);
+  Body newest(&memory);
+  EXPECT_TRUE(Append(older, 4000));
+  EXPECT_FALSE(Append(newest, 1000));
+  EXPECT_TRUE(Append(older, 800));
 }
 
 TEST(RequestMemory, NobodyGivesWayInVain) {
-  RequestMemory memory(100);
-  const auto work = memory.Take(70);
-  Body older(&memory, 1);
-  Body newest(&memory, 1);
-  EXPECT_TRUE(Append(newest, 20));
-  EXPECT_FALSE(Append(older, 40)) << "even with the newest gone there would not be enough";
-  EXPECT_TRUE(Append(newest, 10));
+  RequestMemory memory(kOwn);
+  const auto work = TakeIfFree(memory, 3800);
+  Body older(&memory);
+  Body newest(&memory);
+  EXPECT_TRUE(Append(newest, 900));
+  EXPECT_FALSE(Append(older, 1001)) << "even with the newest gone there would not be enough";
+  EXPECT_TRUE(Append(newest, 100));
 }
 
 TEST(RequestMemory, ACompleteBodyDoesNotGiveWay) {
-  RequestMemory memory(100);
-  Body older(&memory, 1);
-  auto newer = std::make_unique<Body>(&memory, 1);
-  EXPECT_TRUE(Append(*newer, 60));
+  RequestMemory memory(kOwn);
+  Body older(&memory);
+  auto newer = std::make_unique<Body>(&memory);
+  EXPECT_TRUE(Append(*newer, 3000));
   const auto whole = newer->Finish();
   EXPECT_TRUE(whole.ok());
-  EXPECT_FALSE(Append(older, 50));
-}
-
-TEST(RequestMemory, ALargeBodyGrowsBeyondTheBudgetWhileItIsAlone) {
-  RequestMemory memory(100);
-  Body large(&memory, 1);
-  EXPECT_TRUE(Append(large, 90));
-  EXPECT_TRUE(Append(large, 90));
-  EXPECT_FALSE(memory.Take(1).ok());
-  Body small(&memory, 1);
-  EXPECT_FALSE(Append(small, 1)) << "it is the newest";
-  EXPECT_TRUE(Append(large, 90));
+  EXPECT_FALSE(Append(older, 2000));
 }
 
 TEST(RequestMemory, ADeclaredLengthTakesNothing) {
-  RequestMemory memory(100);
-  EXPECT_FALSE(memory.Check(1'000'000)) << "nothing is held, so it may come in alone";
+  RequestMemory memory(kOwn);
+  const auto never = memory.CheckBody(4801);
+  ASSERT_TRUE(never);
+  EXPECT_EQ(never->code, ErrorCode::kBodyTooLarge);
+  EXPECT_FALSE(memory.CheckBody(4800));
   EXPECT_EQ(memory.used(), 0U);
-  const auto work = memory.Take(50);
-  EXPECT_FALSE(memory.Check(50));
-  const auto problem = memory.Check(51);
-  ASSERT_TRUE(problem);
-  EXPECT_EQ(problem->code, ErrorCode::kMemoryFull);
-  EXPECT_EQ(memory.used(), 50U);
+  const auto work = TakeIfFree(memory, 2000);
+  EXPECT_FALSE(memory.CheckBody(2800));
+  const auto full = memory.CheckBody(2801);
+  ASSERT_TRUE(full);
+  EXPECT_EQ(full->code, ErrorCode::kMemoryFull);
+  EXPECT_EQ(memory.used(), 2000U);
 }
 
 TEST(RequestMemory, ManyBodiesAtOnceLeaveNothingBehind) {
@@ -179,9 +238,9 @@ TEST(RequestMemory, ManyBodiesAtOnceLeaveNothingBehind) {
     for (int client = 0; client < 8; ++client) {
       clients.emplace_back([&] {
         for (int i = 0; i < 200; ++i) {
-          Body body(&memory, 3);
+          Body body(&memory);
           bool ok = true;
-          for (int piece = 0; ok && piece < 10; ++piece) ok = Append(body, 97);
+          for (int piece = 0; ok && piece < 10; ++piece) ok = Append(body, 291);
           if (ok && body.Finish().ok()) ++finished;
         }
       });

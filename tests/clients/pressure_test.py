@@ -1,0 +1,544 @@
+"""The daemon under pressure of memory, load and long work: pressure_test.py KDRAYD KDRAY [--long]
+
+Scenarios S01, S06, S07 and S09, each with its bound. The short form runs beside other tests: it checks memory and what
+is answered at full strictness, and times with slack. tests/pressure runs the long form, at the thresholds, on a machine
+that runs nothing else: the daemon on one processor, its clients on another.
+"""
+import collections
+import io
+import itertools
+import json
+import os
+import re
+import selectors
+import socket
+import subprocess
+import sys
+import threading
+import time
+import unittest
+import urllib.parse
+import urllib.request
+
+import numpy as np
+
+from daemon import Daemon
+
+LONG = "--long" in sys.argv
+KDRAYD, KDRAY, *TESTS = [argument for argument in sys.argv[1:] if argument != "--long"]
+MIB = 1 << 20
+
+
+def npy(array):
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+def rays(count, seed=1):
+    """Rays around the teapot, most of which hit it."""
+    numbers = np.random.default_rng(seed)
+    origins = numbers.uniform(-12, 12, (count, 3))
+    return np.hstack([origins, numbers.uniform(-2, 2, (count, 3)) - origins]).astype("<f4")
+
+
+def head(method, path, length=None):
+    lengths = "" if length is None else f"Content-Length: {length}\r\n"
+    return f"{method} {path} HTTP/1.1\r\nHost: h\r\n{lengths}\r\n".encode()
+
+
+class Peer:
+    """A connection whose answers are read one at a time."""
+
+    def __init__(self, port, receive_buffer=None):
+        self.socket = socket.socket()
+        if receive_buffer is not None:
+            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+        self.socket.settimeout(120)
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.socket.connect(("127.0.0.1", port))
+
+    def ask(self, method, path, body=None, read=True):
+        """(status, headers as text, body)"""
+        self.socket.sendall(head(method, path, None if body is None else len(body)))
+        if body is not None:
+            self.socket.sendall(body)
+        return self.answer(method == "HEAD") if read else None
+
+    def answer(self, is_head=False):
+        data = b""
+        while b"\r\n\r\n" not in data:
+            piece = self.socket.recv(65536)
+            if not piece:
+                raise ConnectionError("the connection ended")
+            data += piece
+        headers, _, got = data.partition(b"\r\n\r\n")
+        headers = headers.decode()
+        length = 0 if is_head else int(re.search(r"(?i)content-length: (\d+)", headers)[1])
+        parts = [got]
+        missing = length - len(got)
+        while missing > 0:
+            piece = self.socket.recv(min(missing, MIB))
+            if not piece:
+                raise ConnectionError("the answer was cut")
+            parts.append(piece)
+            missing -= len(piece)
+        return int(headers.split()[1]), headers, b"".join(parts)
+
+    def close(self):
+        self.socket.close()
+
+
+class Service(Daemon):
+    """A daemon with a teapot, on a processor of its own if there are two and the form is long."""
+
+    def __init__(self, *options):
+        super().__init__(KDRAYD, *options)
+        self.pid = self._process.pid
+        processors = sorted(os.sched_getaffinity(0))
+        self.processors = processors
+        if LONG and len(processors) > 1:
+            for thread in os.listdir(f"/proc/{self.pid}/task"):
+                os.sched_setaffinity(int(thread), {processors[0]})
+            os.sched_setaffinity(0, set(processors[1:]))
+        self.port = urllib.parse.urlsplit(self.url).port
+        mesh = os.path.join(self.folder, "teapot.obj")
+        subprocess.run([KDRAY, "-q", "sample", "teapot", "-o", mesh], check=True)
+        with open(mesh, "rb") as file, urllib.request.urlopen(self.url + "/v1/trees", file.read()) as answer:
+            self.tree = "/v1/trees/" + json.load(answer)["id"]
+        # What a query needs beside its own memory is there from now on.
+        self.ask("POST", "/rays/closest", npy(rays(1000)))
+        with open(f"/proc/{self.pid}/clear_refs", "w") as file:
+            file.write("5")  # forgets the peak so far
+
+    def close(self):
+        os.sched_setaffinity(0, set(getattr(self, "processors", os.sched_getaffinity(0))))
+        super().close()
+
+    def ask(self, method, path, body=None):
+        peer = Peer(self.port)
+        try:
+            return peer.ask(method, self.tree + path, body)
+        finally:
+            peer.close()
+
+    def status_of_batch(self, path, body):
+        """(status, headers, answer), also if the answer comes before the whole body has been sent."""
+        peer = Peer(self.port)
+        try:
+            peer.socket.sendall(head("POST", self.tree + path, len(body)))
+            try:
+                peer.socket.sendall(body)
+            except OSError:
+                pass  # refused, and the answer has been received
+            return peer.answer()
+        except OSError:
+            return 413, "", b""  # the rest of a refused body may destroy the answer
+        finally:
+            peer.close()
+
+    def memory(self, name="VmHWM"):
+        with open(f"/proc/{self.pid}/status") as file:
+            return int(re.search(rf"{name}:\s+(\d+) kB", file.read())[1]) * 1024
+
+    def processor_seconds(self):
+        with open(f"/proc/{self.pid}/stat") as file:
+            fields = file.read().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    def metric(self, name):
+        with urllib.request.urlopen(self.url + "/metrics") as answer:
+            return float(re.search(rf"^{name} (\S+)$", answer.read().decode(), re.M)[1])
+
+
+class PressureTest(unittest.TestCase):
+    def start(self, *options):
+        service = Service(*options)
+        self.addCleanup(service.close)
+        return service
+
+    def expect_within(self, service, limit):
+        peak = service.memory()
+        print(f"  {self._testMethodName}: peak {peak / MIB:.0f} MiB of {limit / MIB:.0f} MiB", file=sys.stderr)
+        self.assertLessEqual(peak, 1.1 * limit)
+
+    # ---- S06: what the memory limit does not hold ----
+
+    def test_S06_a_json_batch_that_never_fits_is_413_and_takes_no_memory(self):
+        service = self.start("--memory-limit", "256MiB")
+        row = "[0.123456,-3.25,7.5,0.25,-0.125,-1]"
+        body = ('{"rays":[' + ",".join(itertools.repeat(row, 4_000_000)) + "]}").encode()
+        peer = Peer(service.port)
+        peer.socket.sendall(head("POST", service.tree + "/rays/closest", len(body)))
+        status, _, answer = peer.answer()  # before the body is sent
+        peer.close()
+        self.assertEqual((status, json.loads(answer)["code"]), (413, "body_too_large"))
+        # Without a length, it is refused when so many bytes have come.
+        peer = Peer(service.port)
+        chunk = f"{MIB:x}\r\n".encode() + body[:MIB] + b"\r\n"
+        try:
+            peer.socket.sendall(f"POST {service.tree}/rays/closest HTTP/1.1\r\nHost: h\r\n"
+                                "Transfer-Encoding: chunked\r\n\r\n".encode())
+            for _ in range(128):
+                peer.socket.sendall(chunk)
+        except OSError:
+            pass  # refused
+        peer.close()
+        self.expect_within(service, 256 * MIB)
+
+    def test_S06_json_batches_up_to_the_largest_that_fits_stay_within_the_limit(self):
+        service = self.start("--memory-limit", "256MiB")
+        seen = collections.Counter()
+        for count in (10_000, 100_000, 300_000, 500_000, 1_000_000) if LONG else (100_000, 350_000, 600_000):
+            body = json.dumps({"rays": rays(count).tolist()}).encode()
+            status, _, answer = service.status_of_batch("/rays/closest", body)
+            seen[status] += 1
+            if status == 200:
+                self.assertEqual(len(json.loads(answer)["results"]), count)
+        self.assertEqual(set(seen), {200, 413})
+        self.expect_within(service, 256 * MIB)
+
+    def test_S06_npy_batches_and_lists_of_hits_stay_within_the_limit(self):
+        service = self.start("--memory-limit", "256MiB")
+        seen = collections.Counter()
+        for count in (100_000, 500_000, 1_000_000, 1_700_000, 3_000_000) if LONG else (1_000_000, 1_700_000, 3_000_000):
+            body = npy(rays(count))
+            for query in ("closest", "closest?dtype=f8&fields=t,triangle,u,v,normal,point", "any", "count", "all"):
+                seen[service.status_of_batch("/rays/" + query, body)[0]] += 1
+        self.assertEqual(set(seen), {200, 413})
+        self.assertGreaterEqual(seen[200], 5)
+        self.expect_within(service, 256 * MIB)
+
+    def test_S06_pictures_that_never_fit_are_413_and_the_largest_that_fit_are_within_the_limit(self):
+        service = self.start("--memory-limit", "256MiB")
+        status, _, answer = service.ask("GET", "/render.npy?mode=normal&width=8192&height=8192")
+        self.assertEqual((status, json.loads(answer)["code"]), (413, "image_too_large"))
+        self.assertNotIn("Retry-After", answer.decode())
+        for path in ("/render.npy?mode=normal&width=2400&height=2400",
+                     "/render.npy?mode=position&width=2000&height=2000",
+                     "/render.png?width=2200&height=2200&samples=1", "/render.png?mode=depth&width=2800&height=2800",
+                     "/render.npy?width=1200&height=1000&budget_ms=300"):
+            self.assertEqual(service.ask("GET", path)[0], 200, path)
+        self.expect_within(service, 256 * MIB)
+
+    def test_S06_the_default_limit_renders_the_largest_picture(self):
+        if not LONG:
+            self.skipTest("takes a gigabyte; a part of the long form")
+        service = self.start()
+        status, _, answer = service.ask("GET", "/render.npy?mode=normal&width=8192&height=8192")
+        self.assertEqual((status, len(answer) // 2**20), (200, 768))
+        self.expect_within(service, 4096 * MIB)
+
+    def test_S06_an_npy_batch_takes_no_more_than_twice_its_bytes(self):
+        service = self.start("--memory-limit", "2GiB")
+        body = npy(rays(1_000_000))
+        service.ask("POST", "/rays/closest", body)
+        before = service.memory("VmRSS")
+        with open(f"/proc/{service.pid}/clear_refs", "w") as file:
+            file.write("5")
+        self.assertEqual(service.ask("POST", "/rays/closest", body)[0], 200)
+        peak = (service.memory() - before) / len(body)
+        print(f"  peak: {peak:.2f} times the body", file=sys.stderr)
+        self.assertLessEqual(peak, 2)
+
+    # ---- S01: slow readers ----
+
+    def test_S01_forty_slow_readers_of_large_answers_hold_no_more_than_the_limit(self):
+        service = self.start("--memory-limit", "512MiB")
+        picture = "/render.npy?mode=normal&width=1672&height=1672"  # 32 MiB
+        readers = [Peer(service.port, receive_buffer=4096) for _ in range(40)]
+        for reader in readers:
+            reader.ask("GET", service.tree + picture, read=False)
+        heads = []
+        for reader in readers:
+            heads.append(int(reader.socket.recv(1024).split()[1]))
+        self.assertEqual(set(heads), {200, 503})
+        held = service.metric("kdray_request_memory_bytes")
+        self.assertGreater(held, 64 * MIB)
+        # The memory is full, and small requests are answered.
+        for _ in range(20):
+            self.assertEqual(service.ask("POST", "/rays/closest", b'{"rays":[[0,9,0,0,-1,0]]}')[0], 200)
+        for reader in readers:
+            reader.close()
+        deadline = time.monotonic() + (0.25 if LONG else 5)
+        while service.metric("kdray_request_memory_bytes") > 0 and time.monotonic() < deadline:
+            time.sleep(0.01)
+        self.assertEqual(service.metric("kdray_request_memory_bytes"), 0, "their memory is back when they leave")
+        self.assertEqual(service.ask("GET", picture)[0], 200)
+        self.expect_within(service, 512 * MIB)
+
+    # ---- S07: overload ----
+
+    def test_S07_four_times_the_load_costs_no_throughput_and_is_refused_at_once(self):
+        service = self.start("--threads", "1", "--memory-limit", "256MiB")
+        body = npy(rays(20_000))
+        request = head("POST", service.tree + "/rays/closest", len(body)) + body
+        seconds = 60 if LONG else 3
+        peak = closed_loop(service.port, request, 4, 10 if LONG else 2)
+        good, refused, cut = open_loop(service.port, request, 4 * peak, seconds)
+        p50, p99 = np.percentile(refused, [50, 99]) * 1e3 if refused else (0, 0)
+        print(f"  peak {peak:.0f}/s, goodput {good / peak:.3f} of it; {len(refused)} refused, p50 {p50:.1f} ms, "
+              f"p99 {p99:.1f} ms; {cut} cut", file=sys.stderr)
+        self.assertEqual(cut, 0)
+        self.assertGreater(len(refused), 0)
+        self.assertGreaterEqual(good / peak, 0.9 if LONG else 0.6)
+        self.assertLessEqual(p99, 50 if LONG else 500)
+        self.expect_within(service, 256 * MIB)
+
+    # ---- Lanes ----
+
+    def test_S07_short_queries_do_not_wait_behind_long_work(self):
+        service = self.start("--threads", str(1 if LONG else 2))
+        long_work = [Peer(service.port) for _ in range(6)]
+        picture = "/render.npy?width=4000&height=4000&mode=ambient-occlusion&samples=64&deadline_ms=60000"
+        for peer in long_work:
+            peer.ask("GET", service.tree + picture, read=False)
+        while service.metric("kdray_running_requests") < 2:
+            time.sleep(0.01)
+        ray, medium = b'{"rays":[[0,9,0,0,-1,0]]}', npy(rays(100_000))
+        peer = Peer(service.port)
+        times, queued = [], []
+        for _ in range(200 if LONG else 40):
+            start = time.perf_counter()
+            status, headers, _ = peer.ask("POST", service.tree + "/rays/closest", ray)
+            times.append(1e3 * (time.perf_counter() - start))
+            queued.append(float(re.search(r"queue;dur=([\d.]+)", headers)[1]))
+            self.assertEqual(status, 200)
+            time.sleep(0.01)
+        start = time.perf_counter()
+        self.assertEqual(peer.ask("POST", service.tree + "/rays/closest", medium)[0], 200)
+        medium_s = time.perf_counter() - start
+        p50, p99 = np.percentile(times, [50, 99])
+        print(f"  one ray: p50 {p50:.2f} ms, p99 {p99:.2f} ms, queued {max(queued):.2f} ms; "
+              f"100,000 rays: {medium_s:.2f} s", file=sys.stderr)
+        self.assertLessEqual(max(queued), 50)
+        self.assertLessEqual(p99, 50 if LONG else 500)
+        self.assertLessEqual(medium_s, 5)
+        peer.close()
+        for peer in long_work:
+            peer.close()
+
+    # ---- S09: departures ----
+
+    def expect_to_stop(self, service, name):
+        """Nothing is computed any more a quarter of a second after now."""
+        time.sleep(0.25)
+        before = service.processor_seconds()
+        time.sleep(0.3)
+        used = service.processor_seconds() - before
+        self.assertLessEqual(used, 0.06, name)
+        self.assertEqual(service.metric("kdray_request_memory_bytes"), 0, name)
+
+    def test_S09_clients_that_leave_stop_decoding_tracing_encoding_and_sending(self):
+        service = self.start("--threads", "1")
+        text = json.dumps({"rays": rays(1_000_000 if LONG else 300_000).tolist()}).encode()
+        array = npy(rays(4_000_000 if LONG else 1_000_000))
+        points = npy(np.random.default_rng(1).uniform(-9, 9, (1_000_000, 3)))
+        sets = npy(np.random.default_rng(1).uniform(-9, 9, (4000, 3)))
+        cases = {
+            "decoding JSON": ("POST", "/rays/any", text, (0.02, 0.1)),
+            "another form of JSON": ("POST", "/rays/any", text.replace(b'{"rays"', b'{ "r\\u0061ys"', 1), (0.1, 0.5)),
+            "tracing": ("POST", "/rays/count", array, (0.1, 0.5)),
+            "encoding JSON": ("POST", "/rays/closest?fields=t,normal,point", text, (0.3, 0.6)),
+            "points": ("POST", "/points/signed-distance", points, (0.1, 0.5)),
+            "visibility": ("POST", "/visibility?from_count=2000", sets, (0.05, 0.3)),
+            "a picture": ("GET", "/render.png?width=4000&height=4000&samples=16", None, (0.1, 0.5)),
+            "compression": ("GET", "/render.png?width=6000&height=6000&samples=1&mode=normal", None, (0.6, 1.2)),
+        }
+        for name, (method, path, body, moments) in cases.items():
+            for moment in moments if LONG else moments[:1]:
+                peer = Peer(service.port)
+                peer.ask(method, service.tree + path, body, read=False)
+                time.sleep(moment)
+                peer.close()
+                self.expect_to_stop(service, name)
+
+    def test_S09_a_client_that_leaves_during_a_large_answer_gives_its_memory_back(self):
+        service = self.start()
+        for path in ("/render.npy?mode=normal&width=2048&height=2048", "/mesh"):
+            for reset in (False, True) if LONG else (False,):
+                peer = Peer(service.port, receive_buffer=4096)
+                peer.ask("GET", service.tree + path, read=False)
+                self.assertTrue(peer.socket.recv(1000).startswith(b"HTTP/1.1 200"))
+                if reset:
+                    peer.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
+                peer.close()
+                self.expect_to_stop(service, path)
+
+    def test_S09_deadlines_reach_decoding_and_encoding(self):
+        service = self.start("--threads", "1")
+        text = json.dumps({"rays": rays(700_000 if LONG else 300_000).tolist()}).encode()
+        for path in ("/rays/closest?deadline_ms=1", "/rays/any?deadline_ms=60",
+                     "/rays/closest?fields=t,normal,point&deadline_ms=200"):
+            peer = Peer(service.port)
+            peer.socket.sendall(head("POST", service.tree + path, len(text)) + text[:-1])
+            # All but the last byte has arrived, so what follows is the server's time.
+            while service.metric("kdray_request_memory_bytes") < len(text) - 1:
+                time.sleep(0.01)
+            start, used = time.perf_counter(), service.processor_seconds()
+            peer.socket.sendall(text[-1:])
+            status, _, answer = peer.answer()
+            elapsed, used = time.perf_counter() - start, service.processor_seconds() - used
+            peer.close()
+            if status == 200:
+                continue  # a fast machine
+            self.assertEqual(json.loads(answer)["code"], "deadline_exceeded")
+            allowed = int(path.rpartition("=")[2]) / 1e3 + 0.25
+            self.assertLessEqual(elapsed if LONG else used, allowed, path)
+
+    # ---- Cheap requests stay cheap ----
+
+    def test_S04_pipelined_requests_for_a_mesh_do_not_delay_others(self):
+        service = self.start()
+        with open(os.path.join(service.folder, "teapot.obj"), "rb") as file:
+            mesh = b"# kdray\n" * (4 * MIB) + file.read()
+        with urllib.request.urlopen(service.url + "/v1/trees", mesh) as answer:
+            tree = "/v1/trees/" + json.load(answer)["id"]
+        ray = b'{"rays":[[0,9,0,0,-1,0]]}'
+
+        def p50():
+            peer, times = Peer(service.port), []
+            for _ in range(300 if LONG else 100):
+                start = time.perf_counter()
+                self.assertEqual(peer.ask("POST", service.tree + "/rays/closest", ray)[0], 200)
+                times.append(1e3 * (time.perf_counter() - start))
+            peer.close()
+            return float(np.median(times))
+
+        first = Peer(service.port)
+        first.ask("HEAD", tree + "/mesh")  # hashed once
+        first.close()
+        alone = p50()
+        used = service.processor_seconds()
+        peers = [Peer(service.port) for _ in range(64)]
+        tag = tree.rpartition("/")[2].partition("-")[0]
+        conditional = (f"GET {tree}/mesh HTTP/1.1\r\nHost: h\r\nIf-None-Match: \"{tag}\"\r\n\r\n").encode()
+        pipeline = (head("HEAD", tree + "/mesh") + conditional) * 50
+        for peer in peers:
+            peer.socket.sendall(pipeline)
+        beside = p50()
+        answers = 0
+        for peer in peers:
+            data = b""
+            while data.count(b"\r\n\r\n") < 100:
+                data += peer.socket.recv(65536)
+            answers += data.count(b"HTTP/1.1 200") + data.count(b"HTTP/1.1 304")
+            peer.close()
+        used = service.processor_seconds() - used
+        print(f"  p50 alone {alone:.2f} ms, beside {beside:.2f} ms; {answers} answers, {used:.2f} s of processor",
+              file=sys.stderr)
+        self.assertEqual(answers, 64 * 100)
+        self.assertLessEqual(used, 5, "a hash of the file takes some 0.02 s, so all would take 100 s")
+        self.assertLessEqual(beside, 20 if LONG else 100)
+
+
+def closed_loop(port, request, connections, seconds):
+    """Answers a second, each connection sending its next request when it has its answer."""
+    counts = []
+
+    def run():
+        peer, count = Peer(port), 0
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            peer.socket.sendall(request)
+            if peer.answer()[0] != 200:
+                raise RuntimeError("a request of the closed loop was refused")
+            count += 1
+        counts.append(count)
+        peer.close()
+
+    threads = [threading.Thread(target=run) for _ in range(connections)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return sum(counts) / seconds
+
+
+class Flight:
+    """A kept connection of the open loop, with at most one request."""
+
+    def __init__(self, port):
+        self.socket = socket.create_connection(("127.0.0.1", port))
+        self.socket.setblocking(False)
+        self.is_idle = True
+
+    def begin(self, request):
+        self.unsent, self.data, self.length, self.status = memoryview(request), b"", None, None
+        self.start, self.is_idle = time.perf_counter(), False
+        self.send()
+
+    def send(self):
+        try:
+            while self.unsent:
+                self.unsent = self.unsent[self.socket.send(self.unsent):]
+        except BlockingIOError:
+            pass
+
+    def receive(self):
+        """True when the answer is complete; raises if it is cut."""
+        while True:
+            try:
+                piece = self.socket.recv(MIB)
+            except BlockingIOError:
+                break
+            if not piece:
+                raise ConnectionError
+            self.data += piece
+            if self.length is None and b"\r\n\r\n" in self.data:
+                headers, _, rest = self.data.partition(b"\r\n\r\n")
+                self.status = int(headers.split()[1])
+                self.seen = time.perf_counter()
+                self.length = len(headers) + 4 + int(re.search(rb"(?i)content-length: (\d+)", headers)[1])
+        # The next request begins after this one has been sent.
+        return self.length is not None and len(self.data) >= self.length and not self.unsent
+
+
+def open_loop(port, request, per_second, seconds):
+    """Requests at a fixed rate, whether or not answers come: (answers a second with status 200, seconds to each 503,
+    requests without an answer)."""
+    selector, idle = selectors.DefaultSelector(), []
+    good, refused, cut, sent = 0, [], 0, 0
+    start = time.perf_counter()
+    while (now := time.perf_counter()) < start + seconds:
+        while sent < (now - start) * per_second:
+            sent += 1
+            flight = idle.pop() if idle else None
+            if flight is None:
+                if len(selector.get_map()) >= 900:
+                    continue  # the client's own limit
+                flight = Flight(port)
+                selector.register(flight.socket, selectors.EVENT_READ, flight)
+            flight.begin(request)
+            if flight.unsent:
+                selector.modify(flight.socket, selectors.EVENT_READ | selectors.EVENT_WRITE, flight)
+        for key, events in selector.select(0.001):
+            flight = key.data
+            try:
+                if events & selectors.EVENT_WRITE:
+                    flight.send()
+                    if not flight.unsent:
+                        selector.modify(flight.socket, selectors.EVENT_READ, flight)
+                if flight.is_idle or not flight.receive():
+                    continue
+            except OSError:
+                if not flight.is_idle:
+                    cut += 1
+                selector.unregister(flight.socket)
+                flight.socket.close()
+                if flight in idle:
+                    idle.remove(flight)
+                continue
+            flight.is_idle = True
+            idle.append(flight)
+            if flight.status == 200:
+                good += 1
+            elif flight.status == 503:
+                refused.append(flight.seen - flight.start)
+    for key in list(selector.get_map().values()):
+        key.data.socket.close()
+    return good / seconds, refused, cut
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *TESTS], verbosity=2)
