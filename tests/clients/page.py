@@ -128,6 +128,7 @@ class PageTest(unittest.TestCase):
 
     def shoot(self, place=(20, 30)):
         """Clicks the picture and waits for all that the page finds out."""
+        self.click_now("#clear-ray")  # what is shown afterwards is of this ray
         self.browser.press("#canvas", place)
         self.browser.wait("""return document.querySelector('#ray-cells').checkVisibility() &&
             document.querySelector('#precisions').checkVisibility() &&
