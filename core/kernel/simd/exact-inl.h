@@ -50,8 +50,11 @@ struct ExactRay : RoundedRay {
                                const LocalRay& local, const CullRay& cull) {
     direction = local.direction;
     origin = local.origin;
-    const DoubleDouble4 moved = TwoDifference4(given.from, frame.origin);
-    const D4 low = moved.low * Set4(frame.scale);
+    // The rounding error of the difference, exactly (TwoDifference).
+    const D4 moved = given.from - frame.origin;
+    const D4 part = moved - given.from;
+    const D4 rest = (given.from - (moved - part)) - (frame.origin + part);
+    const D4 low = rest * Set4(frame.scale);
     const D4 size = Abs(low);
     // Underflow in scaling is negligible beside kUnderflow.
     origin_low = {low[0], low[1], low[2]};
@@ -184,7 +187,8 @@ struct ExactSearch : ExactRaySearch {
   bool found;
   PrimitiveId best_id;
   double best_low, best_high;  // bounds of the best s
-  Vec3<Stored> best_corners[3];
+  const LeafBlock* best_block;
+  unsigned best_lane;
 
   void Begin(const KernelJob&, const LocalRay& local, std::size_t at) {
     BeginRay(local, at);
@@ -215,14 +219,29 @@ struct ExactSearch : ExactRaySearch {
             best_low = decision.low[k];
             best_high = decision.high[k];
             cull.exit = std::min(cull.exit, RoundedUp(best_high + kDoublePad));
-            for (int corner = 0; corner < 3; ++corner) {
-              best_corners[corner] = corner_at.At(corner, k);
+            if constexpr (kInBlocks) {
+              best_block = &corner_at.block;
+              best_lane = corner_at.first + k;
             }
           }
         });
   }
 
+  /// Of the closest triangle, as the mesh has it.
+  KDRAY_INLINE Vec3<Stored> BestCorner(const KernelJob& job, int corner) const {
+    if constexpr (kInBlocks) {
+      const auto& at = best_block->corner[corner];
+      return {at[0][best_lane], at[1][best_lane], at[2][best_lane]};
+    } else {
+      const auto& triangle = job.mesh->triangles()[best_id];
+      return job.mesh->template vertices<Stored>()[triangle[static_cast<std::size_t>(corner)]];
+    }
+  }
+
  private:
+  // Whether blocks have the mesh's own corners.
+  static constexpr bool kInBlocks = sizeof(Stored) == sizeof(float);
+
   KDRAY_INLINE void BeginEmpty() {
     found = false;
     best_id = kNoPrimitive;

@@ -26,7 +26,7 @@ namespace kdray::core::KDRAY_ISA {
 /// ExactIntersection and its OwnsCrossing on four triangles at once. A triangle whose signs double
 /// arithmetic is certain about meets the ray in its inside, where it owns the crossing. The
 /// ScalarSearch decides on the others, and on those at the ends of the interval. t, u and v are
-/// computed when the list of hits is full, and at the end, four at a time.
+/// computed when the list of hits is full, and at the end, several together.
 template <class Stored>
 struct ExactAllSearch : ExactRaySearch {
   static constexpr bool found = false;  // the search never ends early
@@ -101,22 +101,22 @@ struct ExactAllSearch : ExactRaySearch {
 
   /// Computes t, u and v.
   void Solve(const KernelJob& job, std::span<Hit> hits) {
-    ExactHits4 four;
-    for (unsigned k = 0; k < 4; ++k) four.SetRay(k, exact);
-    for (std::size_t first = 0; first < hits.size(); first += 4) {
+    ExactHits together;
+    for (unsigned k = 0; k < kHitLanes; ++k) together.SetRay(k, exact);
+    for (std::size_t first = 0; first < hits.size(); first += kHitLanes) {
       const std::span<Hit> some =
-          hits.subspan(first, std::min<std::size_t>(4, hits.size() - first));
+          hits.subspan(first, std::min<std::size_t>(kHitLanes, hits.size() - first));
       if (job.poll->Spend(some.size() * kSolveWork)) return;
-      for (unsigned k = 0; k < 4; ++k) {
+      for (unsigned k = 0; k < kHitLanes; ++k) {
         const PrimitiveId id = some[k < some.size() ? k : 0].primitive_id;
         const TriangleIndices& triangle = job.mesh->triangles()[id];
         for (int corner = 0; corner < 3; ++corner) {
-          four.SetCorner(k, corner,
-                         job.mesh->vertices<Stored>()[triangle[static_cast<std::size_t>(corner)]]);
+          together.SetCorner(
+              k, corner, job.mesh->vertices<Stored>()[triangle[static_cast<std::size_t>(corner)]]);
         }
       }
-      alignas(32) double t[4], u[4], v[4];
-      const unsigned known = Solve4(four, t, u, v);
+      alignas(64) double t[kHitLanes], u[kHitLanes], v[kHitLanes];
+      const unsigned known = SolveTogether(together, t, u, v);
       for (unsigned k = 0; k < some.size(); ++k) {
         const double caller_t = ToCallerT(t[k], exponent);
         if ((known >> k & 1u) != 0 && IsRoundedOnce(caller_t)) {

@@ -199,20 +199,12 @@ struct BlockCorners {
   KDRAY_INLINE D4 operator()(int corner, std::uint32_t axis) const {
     return Widen4(block.corner[corner][axis] + first);
   }
-  /// Of one of the four.
-  KDRAY_INLINE Vec3f At(int corner, unsigned lane) const {
-    const auto& at = block.corner[corner];
-    return {at[0][first + lane], at[1][first + lane], at[2][first + lane]};
-  }
 };
 struct GatheredCorners {
   alignas(32) double at[3][3][4];  // [corner][axis][lane]
 
   KDRAY_INLINE D4 operator()(int corner, std::uint32_t axis) const {
     return Load4(at[corner][axis]);
-  }
-  KDRAY_INLINE Vec3d At(int corner, unsigned lane) const {
-    return {at[corner][0][lane], at[corner][1][lane], at[corner][2][lane]};
   }
 };
 
