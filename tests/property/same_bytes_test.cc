@@ -152,11 +152,41 @@ std::vector<RayF> PacketRays(const MeshData& data, const Bounds3d& bounds,
   return rays;
 }
 
+/// Walls of a room, each of two large triangles, with others in front of them at distances from a
+/// thousandth down to none.
+MeshData ThinWalls() {
+  MeshData data;
+  const auto wall = [&](int axis, double at, double half) {
+    const auto first = static_cast<std::uint32_t>(data.vertices.size());
+    for (unsigned i = 0; i < 4; ++i) {
+      Vec3d corner;
+      corner[axis] = at;
+      corner[(axis + 1) % 3] = (i & 1) != 0 ? half : -half;
+      corner[(axis + 2) % 3] = (i & 2) != 0 ? half : -half;
+      data.vertices.push_back(Vec3d(Vec3f(corner)));
+    }
+    data.triangles.push_back({first, first + 1, first + 3});
+    data.triangles.push_back({first + 3, first + 2, first});
+  };
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const double side : {-1.0, 1.0}) {
+      wall(axis, side, 1);
+      wall(axis, side, 0.75);
+      for (int bits = 10; bits < 25; bits += 2) {
+        wall(axis, side * (1 - std::ldexp(1.0, -bits)), 1 - std::ldexp(bits, -6));
+      }
+    }
+  }
+  data.single_precision = true;
+  return data;
+}
+
 TEST(N20SameBytes, APacketAnswersAsItsRaysAloneDo) {
   auto engine = RandomEngine(2064);
   std::vector<MeshData> meshes = Meshes();
   meshes.push_back(RoundToFloat(BumpySphere({0, 0, 0}, 1, 60, 90, 0.3)));
   meshes.push_back(Soup(300, 0.3, 77));
+  meshes.push_back(ThinWalls());
   for (const MeshData& data : meshes) {
     const Scene scene = MakeScene(data, BuildKind::kKdSah);
     const std::vector<RayF> rays = PacketRays(data, scene.mesh->bounds(), engine);

@@ -168,7 +168,7 @@ class Frustum {
   }
 
   /// Writes the answers. Rows to trace alone are appended to `alone`, even if they have an answer.
-  /// False if all are.
+  /// False if the packet was abandoned.
   bool End(std::vector<std::uint32_t>* alone) {
     if (work_ > Hits::kMostWork) {
       hits_.alone = FrustumRays::kAll;
@@ -181,7 +181,7 @@ class Frustum {
         alone->push_back(static_cast<std::uint32_t>(RowAt(job_, first_ + i)));
       }
     }
-    return hits_.alone != FrustumRays::kAll;
+    return work_ <= Hits::kMostWork;
   }
 
  private:
@@ -263,6 +263,11 @@ class Frustum {
       const std::uint32_t group = items[i] / kLanes;
       const unsigned bits = edges.Rays(rays_, group, items[i] % kLanes) &
                             ~static_cast<unsigned>(hits_.done() >> (16 * group));
+      if (__builtin_popcount(bits) >= kTogether) {
+        TestGroup({std::size_t{16} * group, bits, &block,
+                   static_cast<std::uint32_t>(kLanes * number + items[i] % kLanes)});
+        continue;
+      }
       StoreIndices(bits, 16 * group, place + pair_count);
       Fill16(items[i] % kLanes, lane + pair_count);
       pair_count += static_cast<std::size_t>(__builtin_popcount(bits));
@@ -272,6 +277,23 @@ class Frustum {
       TestPairs({place + i, lane + i, left >= 16 ? 0xffffu : (1u << left) - 1, &block,
                  static_cast<std::uint32_t>(kLanes) * number});
     }
+  }
+
+  // Rays of a group that are worth a test of the whole group with one triangle: their numbers need
+  // not be collected from many places, nor the hits written one by one.
+  static constexpr int kTogether = 6;
+
+  KDRAY_INLINE void TestGroup(const TriangleWithGroup& pairs) {
+    const std::size_t lane = pairs.slot % LeafBlock::kWidth;
+    Corners16 corners;
+    F16 origin[3], ray[3];
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      const std::uint32_t axis = Hits::Axis(rays_, k);
+      for (int c = 0; c < 3; ++c) corners.at[c][k] = Set16(pairs.block->corner[c][axis][lane]);
+      origin[k] = rays_.OriginAt(axis, pairs.first);
+      ray[k] = Load16(Hits::RayRow(rays_, static_cast<int>(k)) + pairs.first);
+    }
+    hits_.TakeGroup(Hits::Test(corners, origin, ray, rays_.origin_size), pairs, rays_);
   }
 
   KDRAY_INLINE void TestPairs(const RayTrianglePairs& pairs) {
@@ -287,7 +309,7 @@ class Frustum {
       origin[k] = rays_.OriginAt(Hits::Axis(rays_, k), pairs.place);
       ray[k] = LookUp64(Hits::RayRow(rays_, static_cast<int>(k)), pairs.place);
     }
-    hits_.Take(Hits::Test(corners, origin, ray), pairs, rays_);
+    hits_.Take(Hits::Test(corners, origin, ray, rays_.origin_size), pairs, rays_);
   }
 
   // The groups' exits, and the packet's.

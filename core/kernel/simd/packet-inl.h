@@ -63,6 +63,7 @@ struct FrustumRays {
 
   Vec3d origin_double;  // the common origin
   Vec3f origin;
+  float origin_size;  // largest |component| of an origin that the triangle intersections get
   // Of the directions from the common origin.
   std::uint32_t octant;
   float inverse_low[3], inverse_high[3];
@@ -97,6 +98,23 @@ struct FrustumRays {
     return Bits(Less(high, LookUp64(s_min, place)) | Less(LookUp64(s_max, place), low));
   }
 
+  /// The same for the rays at 16 places in a row, from `first` on.
+  KDRAY_INLINE unsigned IsInside(F16 low, F16 high, std::size_t first) const {
+    if (whole_lines_) {
+      return Bits(LessEqual(Set16(0), low) &
+                  LessEqual(high, Set16(std::numeric_limits<float>::infinity())));
+    }
+    return Bits(LessEqual(Load16(s_min + first), low) & LessEqual(high, Load16(s_max + first)));
+  }
+  KDRAY_INLINE unsigned IsOutside(F16 low, F16 high, std::size_t first) const {
+    if (whole_lines_) return Bits(Less(high, Set16(0)));
+    return Bits(Less(high, Load16(s_min + first)) | Less(Load16(s_max + first), low));
+  }
+  KDRAY_INLINE F16 OriginAt(std::uint32_t its_axis, std::size_t first) const {
+    return shares_target ? Load16(own_origin[its_axis] + first)
+                         : Set16(origin[static_cast<int>(its_axis)]);
+  }
+
   /// WatertightIntersection<double>'s of four rays, beginning at `place`.
   struct Shear {
     D4 x, y, inverse_z;
@@ -105,6 +123,15 @@ struct FrustumRays {
     D4 d[3];
     for (std::size_t k = 0; k < 3; ++k) d[k] = DirectionAt(axis[k], place);
     return {d[0] / d[2], d[1] / d[2], Set4(1) / d[2]};
+  }
+  /// The same of the ray at a place, in all lanes.
+  KDRAY_INLINE Shear ShearOfOne(std::size_t place) const {
+    double d[3];
+    for (std::size_t k = 0; k < 3; ++k) {
+      d[k] = given_in_double_ ? direction_double_[axis[k]][place]
+                              : static_cast<double>(direction[axis[k]][place]);
+    }
+    return {Set4(d[0] / d[2]), Set4(d[1] / d[2]), Set4(1 / d[2])};
   }
 
  private:
@@ -150,6 +177,7 @@ inline bool FrustumRays::IsTile(const KernelJob& job, std::size_t first) {
 inline bool FrustumRays::SetOrigin(const MeshFrame& frame, const Vec3d& local) {
   origin_double = local;
   origin = Vec3f(local);
+  origin_size = FloatAbove(MaxAbs(local));
   frame_scale = PowerOfTwo(frame.exponent);
   return MaxAbs(local) <= 4 && std::abs(frame.exponent) <= 400;
 }
@@ -354,6 +382,7 @@ inline bool FrustumRays::FindTarget(const MeshFrame& frame, const Given& given) 
   frame_scale = PowerOfTwo(frame.exponent);
   whole_lines_ = false;
   D4 target[3];
+  D4 largest = Set4(0);
   unsigned usual = 0xfu;
   for (std::size_t i = 0; i < kRays; i += 4) {
     const D4 to_caller = Widen4(scale + i) * Set4(frame_scale);
@@ -369,13 +398,16 @@ inline bool FrustumRays::FindTarget(const MeshFrame& frame, const Given& given) 
     for (std::size_t k = 0; k < 3; ++k) {
       const D4 local = (Load4(given.origin[k] + i) - Set4(vectors.origin[k])) * Set4(vectors.scale);
       StoreF4(Narrow(local), own_origin[k] + i);
+      largest = Max(largest, Abs(local));
       const D4 end = local + DirectionAt(k, i) * high;
       if (i == 0) target[k] = Set4(end[0]);
       usual &= Bits(L4(Abs(local) <= Set4(4))) & Bits(L4(Abs(end - target[k]) <= Set4(kApart)));
     }
   }
   enter = -0x1p-19f;
-  return usual == 0xfu && SetOrigin(frame, {target[0][0], target[1][0], target[2][0]});
+  if (usual != 0xfu || !SetOrigin(frame, {target[0][0], target[1][0], target[2][0]})) return false;
+  origin_size = FloatAbove(std::max({largest[0], largest[1], largest[2], largest[3]}));
+  return true;
 }
 
 }  // namespace kdray::core::KDRAY_ISA

@@ -46,6 +46,25 @@ struct RayTrianglePairs {
   std::uint32_t slot;  // of its first triangle: its number times 8
 };
 
+/// A triangle of a block and rays at 16 places in a row, from `first` on; one for each bit of
+/// `lanes`.
+struct TriangleWithGroup {
+  std::size_t first;
+  unsigned lanes;
+  const LeafBlock* block;
+  std::uint32_t slot;  // of the triangle: its block's number times 8, and its lane
+
+  KDRAY_INLINE PrimitiveId Number() const { return block->IdOf(slot % LeafBlock::kWidth); }
+};
+/// 16 numbers of an array of 32 bits each, unchanged, in the lanes of set bits.
+KDRAY_INLINE void SetLanes(unsigned bits, std::uint32_t value, std::uint32_t* to) {
+  float* const at = reinterpret_cast<float*>(to);
+  Store(Select(bits, Set16(std::bit_cast<float>(value)), Load16(at)), at);
+}
+KDRAY_INLINE void SetLanes(unsigned bits, F16 value, float* to) {
+  Store(Select(bits, value, Load16(to)), to);
+}
+
 /// The common part of both precisions. Arrays are by place, with an extra place for discarded
 /// writes. A ray whose closest hit is uncertain leaves the packet and is traced alone at the end.
 struct PacketHits {
@@ -109,7 +128,7 @@ struct FastPacketHits : PacketHits {
   };
   /// Origins and rays by Axis and RayRow.
   KDRAY_INLINE static Lanes Test(const Corners16& corners, const F16 (&origin)[3],
-                                 const F16 (&d)[3]) {
+                                 const F16 (&d)[3], float /*origin_size*/) {
     F16 b[3], c[3], from_a[3];
     for (int k = 0; k < 3; ++k) {
       b[k] = corners.at[1][k] - corners.at[0][k];
@@ -167,6 +186,26 @@ struct FastPacketHits : PacketHits {
     }
   }
 
+  KDRAY_INLINE void TakeGroup(const Lanes& lanes, const TriangleWithGroup& pairs,
+                              const FrustumRays& rays) {
+    unsigned accepted = lanes.accepted & pairs.lanes;
+    LeaveAlone(pairs.first, accepted & ~lanes.certain);
+    accepted &= lanes.certain & rays.IsInside(lanes.s, lanes.s, pairs.first);
+    if (accepted == 0) return;
+    const F16 before = Load16(s + pairs.first);
+    const PrimitiveId number = pairs.Number();
+    unsigned taken = accepted & Bits(Less(lanes.s, before));
+    for (unsigned ties = accepted & Bits(LessEqual(lanes.s, before)) & ~taken; ties != 0;
+         ties &= ties - 1) {
+      const unsigned k = static_cast<unsigned>(__builtin_ctz(ties));
+      taken |= static_cast<unsigned>(number < found[pairs.first + k]) << k;
+    }
+    SetLanes(taken, lanes.s, s + pairs.first);
+    SetLanes(taken, lanes.u, u + pairs.first);
+    SetLanes(taken, lanes.v, v + pairs.first);
+    SetLanes(taken, number, found + pairs.first);
+  }
+
   void Begin() {
     PacketHits::Begin();
     for (float& x : s) x = std::numeric_limits<float>::infinity();
@@ -204,7 +243,7 @@ struct WatertightPacketHits : PacketHits {
     const AlongRay& Along() const { return *this; }
   };
   KDRAY_INLINE static Lanes Test(const Corners16& corners, const F16 (&origin)[3],
-                                 const F16 (&ray)[3]) {
+                                 const F16 (&ray)[3], float origin_size) {
     F16 raw_x[3], raw_y[3], x[3], y[3], z[3];
     for (int c = 0; c < 3; ++c) {
       z[c] = corners.at[c][2] - origin[2];
@@ -225,16 +264,29 @@ struct WatertightPacketHits : PacketHits {
     const F16 inverse_sum = Set16(1) / ((wa + wb) + wc);
     // 1 / direction along z lies in (1/2, 1] in size, so s is not larger than z.
     const F16 s = ((wa * z[0] + wb * z[1]) + wc * z[2]) * inverse_sum * (Set16(1) / ray[2]);
-    // A ray inside the triangle sees no corner farther from it than `reach`; each edge function is
-    // off by 2^-15 times that at most (filters-inl.h), so each weight by eight times that over
-    // their sum, and s by as much of the depth of the triangle, times 1 / direction, at most 1.
+    // The bound of s. Numbers here are off from those of the double test by, with u = 2^-24, |o|
+    // the origin's largest component and Z the corners' largest z: z by u (|o| + Z); a corner's
+    // difference along x or y by u (|o| + reach + Z), since it is not larger than the corner's x or
+    // y and z; the shear, at most 1, by u; x and y with their own rounding by less than d = u (2
+    // |o| + 4 Z + 3 reach). A ray inside the triangle sees no corner farther from it than m = reach
+    // + 4 d, so an edge function is off by at most w = 4 m d + 4 u m^2, which includes the 2 d^2 of
+    // both factors. The weights, divided by their sum, are off by 6 w / |sum| together, where 3 w
+    // is a quarter of the sum at most: s by half of that times the depth of the triangle, times 1 /
+    // direction, at most 1. Four times as much is allowed. The rest is the rounding of z and of s
+    // itself. If the double test does not find the ray inside, it takes the weights of the float
+    // projection, which are closer.
     const auto range = [](const F16(&a)[3]) KDRAY_LAMBDA {
       return Max(Max(a[0], a[1]), a[2]) - Min(Min(a[0], a[1]), a[2]);
     };
     const F16 depth = range(z);
     const F16 reach = Max(range(raw_x), range(raw_y)) + depth;
-    const F16 error =
-        Min(depth, Set16(16 * 0x1p-15f) * reach * depth * Abs(inverse_sum)) + Set16(0x1p-20f);
+    const F16 far = Max(Max(Abs(z[0]), Abs(z[1])), Abs(z[2]));
+    const F16 unit = Set16(0x1p-24f);
+    const F16 d = unit * (Set16(2 * origin_size) + Set16(4) * far + Set16(3) * reach);
+    const F16 m = reach + Set16(4) * d;
+    const F16 w = Set16(4) * m * (d + unit * m);
+    const F16 error = Min(depth, Set16(16) * w * depth * Abs(inverse_sum)) +
+                      unit * (Set16(16) * far + Set16(2 * origin_size + 0x1p-10f));
     lanes.low = s - error;
     lanes.high = s + error;
     return lanes;
@@ -259,7 +311,7 @@ struct WatertightPacketHits : PacketHits {
       const bool taken = ((certain >> k & 1u) != 0) & (high_of[k] < low[i]);
       // The same triangle from another leaf is not a tie.
       const bool open = !taken & !(high[i] < low_of[k]) & (found[i] != number);
-      LeaveAlone(i, open ? 1 : 0);
+      if (open) Settle(rays, *pairs.block, pairs.slot + pairs.lane[k], i, certain >> k & 1u);
       // Without an unpredictable branch: discarded results go to a place that is never read.
       const std::uint32_t to = taken ? i : kRays;
       low[to] = low_of[k];
@@ -267,6 +319,63 @@ struct WatertightPacketHits : PacketHits {
       found[to] = number;
       slot[to] = pairs.slot + pairs.lane[k];
     }
+  }
+
+  KDRAY_INLINE void TakeGroup(const Lanes& lanes, const TriangleWithGroup& pairs,
+                              const FrustumRays& rays) {
+    unsigned accepted = lanes.accepted & pairs.lanes;
+    if (accepted == 0) return;
+    accepted &= ~rays.IsOutside(lanes.low, lanes.high, pairs.first);
+    const unsigned certain = lanes.certain & rays.IsInside(lanes.low, lanes.high, pairs.first);
+    const unsigned taken = accepted & certain & Bits(Less(lanes.high, Load16(low + pairs.first)));
+    const PrimitiveId number = pairs.Number();
+    for (unsigned open = accepted & ~taken & ~Bits(Less(Load16(high + pairs.first), lanes.low));
+         open != 0; open &= open - 1) {
+      const unsigned k = static_cast<unsigned>(__builtin_ctz(open));
+      if (found[pairs.first + k] == number) continue;
+      Settle(rays, *pairs.block, pairs.slot, pairs.first + k, certain >> k & 1u);
+    }
+    SetLanes(taken, lanes.low, low + pairs.first);
+    SetLanes(taken, lanes.high, high + pairs.first);
+    SetLanes(taken, number, found + pairs.first);
+    SetLanes(taken, pairs.slot, slot + pairs.first);
+  }
+
+  /// Decides by the s of the double test whether the ray at a place keeps its closest hit or takes
+  /// the triangle at another slot; leaves the ray alone where that is not enough. `certain`:
+  /// whether the triangle is certainly hit within the interval.
+  __attribute__((noinline)) void Settle(const FrustumRays& rays, const LeafBlock& block,
+                                        std::uint32_t other_slot, std::size_t place,
+                                        unsigned certain) {
+    if (certain == 0 || found[place] == kNoPrimitive) return LeaveAlone(place, 1);
+    // The two triangles in lanes 0 and 1.
+    alignas(16) float corner[3][3][4] = {};
+    const LeafBlock* const blocks = &block - other_slot / LeafBlock::kWidth;
+    for (unsigned i = 0; i < 2; ++i) {
+      const std::uint32_t its_slot = i == 0 ? slot[place] : other_slot;
+      const LeafBlock& its_block = blocks[its_slot / LeafBlock::kWidth];
+      for (int c = 0; c < 3; ++c) {
+        for (int k = 0; k < 3; ++k) {
+          corner[c][k][i] = its_block.corner[c][rays.axis[k]][its_slot % LeafBlock::kWidth];
+        }
+      }
+    }
+    const auto origin = [&](int k) KDRAY_LAMBDA {
+      return Set4(rays.origin_double[static_cast<int>(rays.axis[k])]);
+    };
+    const FrustumRays::Shear shear = rays.ShearOfOne(place);
+    DoubleDecision decision;
+    DecideDouble([&](int c, int k) KDRAY_LAMBDA { return Widen4(corner[c][k]); }, origin(0),
+                 origin(1), origin(2), shear.x, shear.y, shear.inverse_z, &decision);
+    if ((decision.inside & 3u) != 3u) return LeaveAlone(place, 1);
+    const PrimitiveId other = block.IdOf(other_slot % LeafBlock::kWidth);
+    const bool closer = Closer(decision.s[1], other, decision.s[0], found[place]);
+    if (closer) {
+      found[place] = other;
+      slot[place] = other_slot;
+    }
+    low[place] = RoundedDown(decision.s[closer ? 1 : 0]);
+    high[place] = RoundedUp(decision.s[closer ? 1 : 0]);
   }
 
   void Begin() {
@@ -332,8 +441,8 @@ struct AnyPacketHits {
 
   using Lanes = typename ClosestHits::Lanes;
   KDRAY_INLINE static Lanes Test(const Corners16& corners, const F16 (&origin)[3],
-                                 const F16 (&ray)[3]) {
-    return ClosestHits::Test(corners, origin, ray);
+                                 const F16 (&ray)[3], float origin_size) {
+    return ClosestHits::Test(corners, origin, ray, origin_size);
   }
   KDRAY_INLINE void Take(const Lanes& lanes, const RayTrianglePairs& pairs,
                          const FrustumRays& rays) {
@@ -345,6 +454,20 @@ struct AnyPacketHits {
     const unsigned hit = accepted & along.certain & inside;
     Mark(accepted & ~(along.certain & (inside | outside)), pairs.place, &alone);
     Mark(hit, pairs.place, &occluded);
+  }
+
+  KDRAY_INLINE void TakeGroup(const Lanes& lanes, const TriangleWithGroup& pairs,
+                              const FrustumRays& rays) {
+    const AlongRay along = lanes.Along();
+    const unsigned accepted = along.accepted & pairs.lanes;
+    if (accepted == 0) return;
+    const unsigned inside = rays.IsInside(along.low, along.high, pairs.first);
+    const unsigned outside = rays.IsOutside(along.low, along.high, pairs.first);
+    const unsigned hit = accepted & along.certain & inside;
+    const unsigned open = accepted & ~(along.certain & (inside | outside));
+    alone |= std::uint64_t{open} << pairs.first;
+    occluded |= std::uint64_t{hit} << pairs.first;
+    SetLanes(hit | open, Set16(-std::numeric_limits<float>::infinity()), exit + pairs.first);
   }
 
   void Begin() {
