@@ -1,7 +1,8 @@
 // The stream kernel: takes up to 64 rays of one octant, with different origins, through the tree
-// together. A node or a block of triangles is loaded once for all rays, but each ray tests the
-// eight boxes or the eight triangles by itself. For similar rays without a common origin, such as
-// shadow rays of neighbouring pixels, or sorted ones.
+// together. A node or a block of triangles is loaded once for all rays. Where many rays of 16 are
+// at a node they are tested against one box after the other, elsewhere each ray against the eight
+// boxes; in a block each ray is tested against the eight triangles. For similar rays without a
+// common origin, such as shadow rays of neighbouring pixels, or sorted ones.
 #pragma once
 
 #include <algorithm>
@@ -37,7 +38,7 @@ class Stream {
   void Run(std::size_t first, std::size_t last) {
     for (std::size_t i = first; i < last; ++i) {
       if (job_.poll->stopped()) return;
-      if (job_.rows != nullptr && i + kRays < last) job_.rays.Prefetch(job_.rows[i + kRays]);
+      if (job_.rows != nullptr && i + kRays < last) PrefetchRow(job_.rows[i + kRays]);
       Add(job_.rows != nullptr ? job_.rows[i] : i);
     }
     for (unsigned octant = 0; octant < 8; ++octant) Flush(octant);
@@ -49,6 +50,12 @@ class Stream {
   // Work (CancelPoll) of a node, or a block of triangles, for all rays.
   static constexpr std::uint64_t kTogetherWork = 256;
   static constexpr float kFar = 0x1p100f;  // instead of infinity, which BlockFilter does not accept
+
+  // A ray, and the place of its answer, which is written at about the time of its begin.
+  KDRAY_INLINE void PrefetchRow(std::size_t row) const {
+    job_.rays.Prefetch(row);
+    if (job_.hits != nullptr) __builtin_prefetch(&job_.hits[row], 1);
+  }
 
   // Rows whose rays have one octant.
   struct Queue {
@@ -82,7 +89,9 @@ class Stream {
     if (searched != 0) Traverse(octant, searched);
     for (std::uint64_t rays = searched; rays != 0; rays &= rays - 1) {
       const auto k = static_cast<std::size_t>(__builtin_ctzll(rays));
-      if constexpr (kAny) {
+      if ((begun_ >> k & 1u) == 0) {
+        AnswerWithoutSearch(job_, queue.row[k], true);
+      } else if constexpr (kAny) {
         job_.occluded[queue.row[k]] = search_[k].found ? 1 : 0;
       } else {
         answers_.Add(job_, search_[k]);
@@ -91,8 +100,11 @@ class Stream {
     queue.size = 0;
   }
 
-  // Returns the rays that need a search; the others have their answers.
+  // Returns the rays that need a search; the others have their answers. The search of a usual ray
+  // begins when it meets its first candidate: many meet none.
   std::uint64_t Begin(Queue* queue) {
+    current_ = queue;
+    begun_ = 0;
     // Rays are prepared four at a time.
     for (std::size_t k = queue->size; k % 4 != 0; ++k) queue->row[k] = queue->row[0];
     rays_.Prepare(job_.rays, frame_, queue->row, queue->size);
@@ -101,14 +113,14 @@ class Stream {
     std::uint64_t searched = usual & rays_.MeetRoot(tree_, queue->size);
     for (std::size_t k = 0; k < queue->size; ++k) {
       if ((searched >> k & 1u) != 0) {
-        const LocalRay local = rays_.Extract(k, &search_[k].cull);
-        BeginUsualSearch(job_, frame_, local, queue->row[k], &search_[k]);
+        // Nothing more yet.
       } else if ((usual >> k & 1u) != 0) {
         AnswerWithoutSearch(job_, queue->row[k], true);
         continue;
       } else if (BeginSearch(job_, frame_, queue->row[k], &search_[k])) {
         rays_.Insert(k, search_[k].cull);
         searched |= std::uint64_t{1} << k;
+        begun_ |= std::uint64_t{1} << k;
       } else {
         continue;
       }
@@ -158,15 +170,41 @@ class Stream {
     return negative != far ? node.high[axis] : node.low[axis];
   }
 
-  // Pushes the children that rays meet, farthest first.
-  KDRAY_INLINE std::size_t StepTogether(const WideNode& node, unsigned octant, std::uint64_t active,
-                                        std::size_t size) {
-    F8 near_planes[3], far_planes[3];
-    for (unsigned axis = 0; axis < 3; ++axis) {
-      near_planes[axis] = Load(Planes(node, octant, axis, false));
-      far_planes[axis] = Load(Planes(node, octant, axis, true));
+  // Rays of 16 in a row for which one box after the other is faster than one ray after the other.
+#if defined(KDRAY_ISA_AVX512)
+  static constexpr int kManyOf16 = 5;
+#else
+  static constexpr int kManyOf16 = 10;
+#endif
+
+  // Adds the rays of a group that meet each child.
+  KDRAY_INLINE void MeetTogether(const float* const (&near_planes)[3],
+                                 const float* const (&far_planes)[3], std::size_t first,
+                                 unsigned group, std::uint64_t* met_by) const {
+    F16 inverse[3], origin[3];
+    for (int axis = 0; axis < 3; ++axis) {
+      inverse[axis] = Load16(rays_.inverse[axis] + first);
+      origin[axis] = Load16(rays_.origin_inverse[axis] + first);
     }
-    alignas(64) std::uint8_t met[64];  // by ray: a bit for each child
+    const F16 enter = Load16(rays_.enter + first), exit = Load16(rays_.exit + first);
+    for (std::size_t c = 0; c < WideNode::kWidth; ++c) {
+      F16 near = enter, far = exit;
+      for (int axis = 0; axis < 3; ++axis) {
+        near = Max(near, MulSub(Set16(near_planes[axis][c]), inverse[axis], origin[axis]));
+        far = Min(far, MulSub(Set16(far_planes[axis][c]), inverse[axis], origin[axis]));
+      }
+      met_by[c] |= std::uint64_t{Bits(LessEqual(near, far)) & group} << first;
+    }
+  }
+  KDRAY_INLINE void MeetAlone(const float* const (&near_planes)[3],
+                              const float* const (&far_planes)[3], std::uint64_t active,
+                              std::uint64_t* met_by) const {
+    F8 near_of[3], far_of[3];
+    for (int axis = 0; axis < 3; ++axis) {
+      near_of[axis] = Load(near_planes[axis]);
+      far_of[axis] = Load(far_planes[axis]);
+    }
+    alignas(64) std::uint8_t met[kRays];  // by ray: a bit for each child
     for (std::uint64_t rays = active; rays != 0; rays &= rays - 1) {
       const auto k = static_cast<std::size_t>(__builtin_ctzll(rays));
       F8 near = Set8(rays_.enter[k]);
@@ -174,15 +212,35 @@ class Stream {
       for (int axis = 0; axis < 3; ++axis) {
         const F8 inverse = Set8(rays_.inverse[axis][k]);
         const F8 origin = Set8(rays_.origin_inverse[axis][k]);
-        near = Max(near, MulSub(near_planes[axis], inverse, origin));
-        far = Min(far, MulSub(far_planes[axis], inverse, origin));
+        near = Max(near, MulSub(near_of[axis], inverse, origin));
+        far = Min(far, MulSub(far_of[axis], inverse, origin));
       }
       met[k] = static_cast<std::uint8_t>(Bits(LessEqual(near, far)));
     }
+    for (unsigned c = 0; c < WideNode::kWidth; ++c) met_by[c] |= BitOfBytes(met, c) & active;
+  }
+
+  // Pushes the children that rays meet, farthest first.
+  KDRAY_INLINE std::size_t StepTogether(const WideNode& node, unsigned octant, std::uint64_t active,
+                                        std::size_t size) {
+    const float *near_planes[3], *far_planes[3];
+    for (unsigned axis = 0; axis < 3; ++axis) {
+      near_planes[axis] = Planes(node, octant, axis, false);
+      far_planes[axis] = Planes(node, octant, axis, true);
+    }
+    std::uint64_t met_by[WideNode::kWidth] = {};  // by child: a bit for each ray
+    std::uint64_t others = active;
+    for (std::size_t first = 0; first < kRays; first += 16) {
+      const auto group = static_cast<unsigned>(active >> first & 0xffffu);
+      if (__builtin_popcount(group) < kManyOf16) continue;
+      others &= ~(std::uint64_t{0xffff} << first);
+      MeetTogether(near_planes, far_planes, first, group, met_by);
+    }
+    if (others != 0) MeetAlone(near_planes, far_planes, others, met_by);
     std::uint32_t order = node.order[octant];
     for (std::size_t i = 0; i < WideNode::kWidth; ++i, order >>= 4) {
       const std::uint32_t c = order & 7u;
-      const std::uint64_t rays = BitOfBytes(met, c) & active;
+      const std::uint64_t rays = met_by[c];
       // Always written, kept if met: a branch would be unpredictable.
       Push(-std::numeric_limits<float>::infinity(), node.child[c], rays, size);
       size += rays != 0 ? 1 : 0;
@@ -203,6 +261,12 @@ class Stream {
     Store(Compress(step.met, step.child), &child_[size]);
     for (std::size_t i = 0; i < WideNode::kWidth; ++i) active_[size + i] = active;
     return size + static_cast<std::size_t>(__builtin_popcount(step.met));
+  }
+
+  KDRAY_INLINE void BeginUsual(std::size_t k) {
+    begun_ |= std::uint64_t{1} << k;
+    const LocalRay local = rays_.Extract(k, &search_[k].cull);
+    BeginUsualSearch(job_, frame_, local, current_->row[k], &search_[k]);
   }
 
   KDRAY_INLINE void TestLeaf(std::uint32_t number, std::uint64_t active, std::uint64_t* live) {
@@ -226,6 +290,7 @@ class Stream {
       for (std::size_t i = 0; i < count; ++i) {
         const std::size_t k = candidates[i].ray;
         Search& search = search_[k];
+        if ((begun_ >> k & 1u) == 0) BeginUsual(k);
         search.Test(job_, block, candidates[i].lanes);
         rays_.exit[k] = std::min(rays_.exit[k], search.cull.exit);
         if (kAny && search.found) {
@@ -246,7 +311,9 @@ class Stream {
   std::vector<std::uint64_t> active_;  // a bit for each ray
   Queue queues_[8];
   // The current rays.
+  const Queue* current_ = nullptr;
   PreparedRays rays_;
+  std::uint64_t begun_ = 0;  // those whose search has begun
   Search search_[kRays];
   typename Search::Answers answers_;
 };
