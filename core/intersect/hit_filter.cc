@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 
 #include "core/geometry/dyadic.h"
+#include "core/intersect/hit_sides.h"
 
 namespace kdray::core {
 namespace {
@@ -50,6 +53,13 @@ DyadicVec3 ExactNormal(const Triangle& triangle) {
   const DyadicVec3 b = Difference(Exactly(triangle[1]), a);
   const DyadicVec3 c = Difference(Exactly(triangle[2]), a);
   return {b.y * c.z - b.z * c.y, b.z * c.x - b.x * c.z, b.x * c.y - b.y * c.x};
+}
+
+/// A power of two that brings the largest component into [1, 2), or for denormal numbers below it;
+/// 0 for numbers from 2^1023 on, which are left to exact arithmetic.
+double ScaleToOne(const Vec3d& v) {
+  constexpr std::uint64_t kExponent = 0x7ff0000000000000u, kMost = 0x7fe0000000000000u;
+  return std::bit_cast<double>(kMost - (std::bit_cast<std::uint64_t>(MaxAbs(v)) & kExponent));
 }
 
 /// An end of a ray: its origin, or origin + direction.
@@ -123,19 +133,36 @@ bool IsWithin(const MeshFrame& frame, const RayEnd& end, const Triangle& triangl
 
 }  // namespace
 
-int SideMet(const TriangleMesh& mesh, const Ray& ray, PrimitiveId id) {
-  const Triangle triangle = CornersOf(mesh, id);
+int SideMet(const Ray& ray, const Triangle& triangle) {
   const RoundedNormal normal(triangle);
-  const int exponent = std::ilogb(MaxAbs(ray.direction));
+  const double scale = ScaleToOne(ray.direction);
   double along = 0, error = kUnderflow;
   for (int k = 0; k < 3; ++k) {
-    const double direction = ScaleByPowerOfTwo(ray.direction[k], -exponent);
+    const double direction = ray.direction[k] * scale;
     along += normal.at[k] * direction;
     error += 16 * kUnit * normal.size[k] * std::fabs(direction);
   }
   if (std::fabs(along) > error) return along < 0 ? 1 : -1;
   return DotOf(ExactNormal(triangle), Exactly(ray.direction)).Sign() < 0 ? 1 : -1;
 }
+
+int SideMet(const TriangleMesh& mesh, const Ray& ray, PrimitiveId id) {
+  return SideMet(ray, CornersOf(mesh, id));
+}
+
+namespace {
+
+bool KeepsTriangle(const HitFilter::Options& options, const MeshFrame& frame, double local_offset,
+                   const Ray& ray, const Triangle& triangle) {
+  if (options.cull != Cull::kNone) {
+    const int culled = options.cull == Cull::kFront ? 1 : -1;
+    if (SideMet(ray, triangle) == culled) return false;
+  }
+  return !(options.starts_on_surface && IsWithin(frame, {ray, true}, triangle, local_offset)) &&
+         !(options.ends_on_surface && IsWithin(frame, {ray, false}, triangle, local_offset));
+}
+
+}  // namespace
 
 double SurfaceOffset(const TriangleMesh& mesh, Precision precision, bool float_rows) {
   const MeshFrame& frame = mesh.frame();
@@ -152,17 +179,13 @@ HitFilter::HitFilter(const TriangleMesh& mesh, const Options& options)
       local_offset_(ScaleByPowerOfTwo(options.surface_offset, -mesh.frame().exponent)) {}
 
 bool HitFilter::Keeps(const Ray& ray, PrimitiveId id) const {
-  if (options_.cull != Cull::kNone) {
-    const int culled = options_.cull == Cull::kFront ? 1 : -1;
-    if (SideMet(mesh_, ray, id) == culled) return false;
-  }
-  if (!options_.starts_on_surface && !options_.ends_on_surface) return true;
-  const Triangle triangle = CornersOf(mesh_, id);
-  const auto is_on = [&](bool is_origin) {
-    return IsWithin(mesh_.frame(), {ray, is_origin}, triangle, local_offset_);
-  };
-  return !(options_.starts_on_surface && is_on(true)) &&
-         !(options_.ends_on_surface && is_on(false));
+  return KeepsTriangle(options_, mesh_.frame(), local_offset_, ray, CornersOf(mesh_, id));
+}
+
+bool KeepsHit(const HitFilter::Options& options, const MeshFrame& frame, const Ray& ray,
+              const Triangle& triangle) {
+  return KeepsTriangle(options, frame, ScaleByPowerOfTwo(options.surface_offset, -frame.exponent),
+                       ray, triangle);
 }
 
 }  // namespace kdray::core

@@ -38,6 +38,7 @@ struct KernelJob {
   const ScalarSearch* scalar = nullptr;
   Precision precision = Precision::kWatertight;
   const HitFilter* filter = nullptr;  ///< null if it keeps every hit; `scalar` has the same
+  HitFilter::Options filter_options;  ///< those of `filter`
   SimdLevel simd = SimdLevel::kBaseline;
   KernelKind kernel = KernelKind::kInterleaved;
   bool alike =

@@ -31,9 +31,10 @@ void ChooseKernel(const KernelOverrides& overrides, KernelJob* job) {
   const bool frustum =
       job->precision == Precision::kFast || job->precision == Precision::kWatertight;
   job->kernel = overrides.kernel.value_or(frustum ? KernelKind::kFrustum : otherwise);
-  // It keeps one hit of a ray, and has no place for a filter.
-  if (job->kernel == KernelKind::kFrustum &&
-      (job->filter != nullptr || job->query() == RayQuery::kAll)) {
+  // It keeps one hit of a ray, and of the filters has only culls.
+  const bool is_filtered =
+      job->filter_options.starts_on_surface || job->filter_options.ends_on_surface;
+  if (job->kernel == KernelKind::kFrustum && (is_filtered || job->query() == RayQuery::kAll)) {
     job->kernel = otherwise;
   }
 }

@@ -35,9 +35,8 @@ Hit InvalidRow() {
   return hit;
 }
 
-HitFilter FilterOf(const Scene& scene, const TraceOptions& options) {
-  return HitFilter(*scene.mesh, {options.cull, options.starts_on_surface, options.ends_on_surface,
-                                 options.surface_offset});
+HitFilter::Options FilterOf(const TraceOptions& options) {
+  return {options.cull, options.starts_on_surface, options.ends_on_surface, options.surface_offset};
 }
 
 /// Traces the job's rays, whose choice of a kernel is made. `first_row` is the number of row 0 in
@@ -99,7 +98,8 @@ void ForEachCutPiece(const RayBatch& rays, const F& f) {
 /// Every kind of query: `job` has the memory of its answers; the rest is set here.
 Status TraceByKernel(const Scene& scene, const RayBatch& rays, const TraceOptions& options,
                      const CancelToken& cancel, KernelJob job) {
-  const HitFilter filter = FilterOf(scene, options);
+  job.filter_options = FilterOf(options);
+  const HitFilter filter(*scene.mesh, job.filter_options);
   job.filter = filter.is_active() ? &filter : nullptr;
   const std::unique_ptr<const ScalarSearch> scalar =
       MakeScalarSearch(*scene.mesh, options.precision, job.filter);
@@ -208,7 +208,7 @@ Status TraceCostly(const Scene& scene, RayBatch rays, const TraceOptions& option
   assert(hits.size() == rays.size() && costs.size() == rays.size());
   const auto binary = scene.tree->Binary(*scene.mesh, BuildOptions{options.cancel});
   if (!binary.ok()) return binary.error();
-  const HitFilter filter = FilterOf(scene, options);
+  const HitFilter filter(*scene.mesh, FilterOf(options));
   const auto trace = [&](const auto& structure, const auto& corners, auto tag, std::size_t i,
                          CancelPoll* poll) {
     using Test = typename decltype(tag)::Type;

@@ -209,6 +209,33 @@ TEST(N20SameBytes, APacketAnswersAsItsRaysAloneDo) {
   }
 }
 
+TEST(N20SameBytes, APacketThatCullsAnswersAsBruteForceDoes) {
+  auto engine = RandomEngine(2065);
+  std::vector<MeshData> meshes = Meshes();
+  meshes.push_back(Soup(300, 0.3, 78));
+  meshes.push_back(ThinWalls());
+  for (const MeshData& data : meshes) {
+    const Scene scene = MakeScene(data, BuildKind::kKdSah);
+    const std::vector<RayF> rays = PacketRays(data, scene.mesh->bounds(), engine);
+    const std::vector<Ray> wide = Widened(rays);
+    for (const Precision precision : {Precision::kFast, Precision::kWatertight}) {
+      for (const Cull cull : {Cull::kBack, Cull::kFront}) {
+        Answers want;
+        for (const Ray& ray : wide) {
+          want.hits.push_back(BruteForceClosest(*scene.mesh, ray, precision, {.cull = cull}));
+          want.occluded.push_back(want.hits.back().IsHit() ? 1 : 0);
+        }
+        for (TraceOptions way : WaysToTrace(precision)) {
+          way.cull = cull;
+          const Answers got = Trace(scene, rays, way, rays.size());
+          ASSERT_TRUE(SameBits(got.hits, want.hits)) << Describe(way) << Name(cull);
+          ASSERT_EQ(got.occluded, want.occluded) << Describe(way) << Name(cull);
+        }
+      }
+    }
+  }
+}
+
 /// Packets of 64 rays from one point of the surface: a vertex, a point of an edge, or one inside a
 /// triangle, as near as floats come.
 std::vector<RayF> RaysFromTheSurface(const MeshData& data, std::size_t packets,

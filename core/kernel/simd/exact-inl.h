@@ -187,8 +187,7 @@ struct ExactSearch : ExactRaySearch {
   bool found;
   PrimitiveId best_id;
   double best_low, best_high;  // bounds of the best s
-  const LeafBlock* best_block;
-  unsigned best_lane;
+  BlockLane best_at;
 
   void Begin(const KernelJob&, const LocalRay& local, std::size_t at) {
     BeginRay(local, at);
@@ -213,25 +212,24 @@ struct ExactSearch : ExactRaySearch {
                                         : Compare(decision.low[k], decision.high[k], ids[k]);
             if (verdict == Verdict::kDoubt) OfferToScalar(job, ids[k]);
             if (verdict != Verdict::kCloser) continue;
-            if (job.filter != nullptr && !FilterKeeps(job, row, ids[k])) continue;
+            const BlockLane at = corner_at.Place(k);
+            if (job.filter != nullptr && !FilterKeeps(job, row, ids[k], at)) continue;
             found = true;
             best_id = ids[k];
             best_low = decision.low[k];
             best_high = decision.high[k];
             cull.exit = std::min(cull.exit, RoundedUp(best_high + kDoublePad));
-            if constexpr (kInBlocks) {
-              best_block = &corner_at.block;
-              best_lane = corner_at.first + k;
-            }
+            best_at = at;
           }
         });
   }
 
   /// Of the closest triangle, as the mesh has it.
   KDRAY_INLINE Vec3<Stored> BestCorner(const KernelJob& job, int corner) const {
-    if constexpr (kInBlocks) {
-      const auto& at = best_block->corner[corner];
-      return {at[0][best_lane], at[1][best_lane], at[2][best_lane]};
+    // Blocks have the mesh's own corners if those are floats.
+    if constexpr (sizeof(Stored) == sizeof(float)) {
+      const auto& at = best_at.block->corner[corner];
+      return {at[0][best_at.lane], at[1][best_at.lane], at[2][best_at.lane]};
     } else {
       const auto& triangle = job.mesh->triangles()[best_id];
       return job.mesh->template vertices<Stored>()[triangle[static_cast<std::size_t>(corner)]];
@@ -239,9 +237,6 @@ struct ExactSearch : ExactRaySearch {
   }
 
  private:
-  // Whether blocks have the mesh's own corners.
-  static constexpr bool kInBlocks = sizeof(Stored) == sizeof(float);
-
   KDRAY_INLINE void BeginEmpty() {
     found = false;
     best_id = kNoPrimitive;

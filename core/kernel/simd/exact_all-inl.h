@@ -59,7 +59,7 @@ struct ExactAllSearch : ExactRaySearch {
                                  if (high < t_min.low || low > t_max.high) continue;
                                  is_certain = low > t_min.high && high < t_max.low;
                                }
-                               Take(job, ids[k], is_certain);
+                               Take(job, ids[k], is_certain, corner_at.Place(k));
                              }
                            });
   }
@@ -73,14 +73,15 @@ struct ExactAllSearch : ExactRaySearch {
   };
 
  private:
-  __attribute__((noinline)) void Take(const KernelJob& job, PrimitiveId id, bool is_certain) {
+  __attribute__((noinline)) void Take(const KernelJob& job, PrimitiveId id, bool is_certain,
+                                      BlockLane at) {
     if (!is_certain) {
       if (all.WasCounted(job, id)) return;
       job.poll->Spend(job.scalar->work());
       if (!is_scalar) BeginScalar(job);
       if (!job.scalar->Crosses(id, &space)) return;
     }
-    if (!all.Take(job, row, {std::numeric_limits<double>::quiet_NaN(), 0, 0, id})) return;
+    if (!all.Take(job, row, {std::numeric_limits<double>::quiet_NaN(), 0, 0, id}, at)) return;
     const double t = KeepNearest(job);
     // The margin is more than the rounding of t and the pad of the search.
     if (is_usual) {

@@ -124,7 +124,11 @@ KDRAY_INLINE void PrefetchNext(const LeafBlock& block) {
 template <class Hits>
 class Frustum {
  public:
-  explicit Frustum(const KernelJob& job) : job_(job), tree_(*job.tree) {
+  explicit Frustum(const KernelJob& job)
+      : job_(job),
+        tree_(*job.tree),
+        culled_(job.filter_options.cull),
+        are_doubles_(job.mesh->has_double_vertices()) {
     capacity_ = tree_.stack_size + WideNode::kWidth;
     memory_.resize(2 * capacity_);
     enter_ = reinterpret_cast<float*>(memory_.data());
@@ -293,7 +297,9 @@ class Frustum {
       origin[k] = rays_.OriginAt(axis, pairs.first);
       ray[k] = Load16(Hits::RayRow(rays_, static_cast<int>(k)) + pairs.first);
     }
-    hits_.TakeGroup(Hits::Test(corners, origin, ray, rays_.origin_size), pairs, rays_);
+    auto lanes = Hits::Test(corners, origin, ray, rays_.origin_size);
+    CullSides(corners, pairs.first, &lanes);
+    hits_.TakeGroup(lanes, pairs, rays_);
   }
 
   KDRAY_INLINE void TestPairs(const RayTrianglePairs& pairs) {
@@ -309,7 +315,23 @@ class Frustum {
       origin[k] = rays_.OriginAt(Hits::Axis(rays_, k), pairs.place);
       ray[k] = LookUp64(Hits::RayRow(rays_, static_cast<int>(k)), pairs.place);
     }
-    hits_.Take(Hits::Test(corners, origin, ray, rays_.origin_size), pairs, rays_);
+    auto lanes = Hits::Test(corners, origin, ray, rays_.origin_size);
+    CullSides(corners, pairs.place, &lanes);
+    hits_.Take(lanes, pairs, rays_);
+  }
+
+  /// Drops hits on the culled side; those on an unknown side are not certain. `place` is as for
+  /// FrustumRays::OriginAt.
+  template <class Lanes, class Place>
+  KDRAY_INLINE void CullSides(const Corners16& corners, Place place, Lanes* lanes) const {
+    if (culled_ == Cull::kNone || lanes->accepted == 0) return;
+    F16 direction[3];
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      direction[k] = rays_.DirectionAt(Hits::Axis(rays_, k), place);
+    }
+    const SidesMet met = FindSides(corners, direction, are_doubles_);
+    lanes->accepted &= ~(culled_ == Cull::kFront ? met.front : met.back);
+    lanes->certain &= met.front | met.back;
   }
 
   // The groups' exits, and the packet's.
@@ -323,6 +345,8 @@ class Frustum {
 
   const KernelJob& job_;
   const WideTree& tree_;
+  const Cull culled_;
+  const bool are_doubles_;
   std::size_t capacity_;
   std::vector<std::uint32_t> memory_;
   float* enter_;          // the stack: where the packet enters, and

@@ -3,13 +3,17 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 
+#include "core/accel/wide/wide_tree.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/local_ray.h"
+#include "core/geometry/vec3.h"
+#include "core/intersect/hit_sides.h"
 #include "core/kernel/kernel.h"
 #include "core/kernel/ray_hits.h"
 #include "core/kernel/simd/isa.h"
@@ -20,10 +24,26 @@
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// Whether the job's filter, which is not null, keeps a hit.
+/// Where a candidate's corners are at hand: a block and its lane, or nowhere.
+struct BlockLane {
+  const LeafBlock* block = nullptr;
+  unsigned lane = 0;
+};
+
+/// Whether the job's filter, which is not null, keeps a hit. The block saves the way to the mesh,
+/// whose vertices are seldom in a cache; it has them rounded if they are doubles.
 __attribute__((noinline)) inline bool FilterKeeps(const KernelJob& job, std::size_t row,
-                                                  PrimitiveId id) {
-  return job.filter->Keeps(job.rays[row], id);
+                                                  PrimitiveId id, BlockLane at) {
+  if (at.block == nullptr || job.mesh->has_double_vertices()) {
+    return job.filter->Keeps(job.rays[row], id);
+  }
+  std::array<Vec3d, 3> corners;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const auto& corner = at.block->corner[c];
+    corners[c] = {static_cast<double>(corner[0][at.lane]), static_cast<double>(corner[1][at.lane]),
+                  static_cast<double>(corner[2][at.lane])};
+  }
+  return KeepsHit(job.filter_options, job.mesh->frame(), job.rays[row], corners);
 }
 
 /// What a search for all hits of a ray has found.
@@ -45,10 +65,10 @@ struct AllOfRay {
     return job.counts != nullptr && job.has_repeats && seen.Contains(id);
   }
   /// Takes a triangle within the ray's interval. Returns whether the list is now full.
-  bool Take(const KernelJob& job, std::size_t row, const Hit& hit) {
+  bool Take(const KernelJob& job, std::size_t row, const Hit& hit, BlockLane at) {
     const PrimitiveId id = hit.primitive_id;
     if (job.counts != nullptr && job.has_repeats && !seen.Insert(id)) return false;
-    if (job.filter != nullptr && !FilterKeeps(job, row, id)) return false;
+    if (job.filter != nullptr && !FilterKeeps(job, row, id, at)) return false;
     if (job.counts != nullptr) {
       ++count;
       return false;
@@ -101,11 +121,12 @@ struct KeepClosest : RoundedSearch {
     found = false;
     best_id = kNoPrimitive;
   }
-  KDRAY_INLINE void Offer(const KernelJob& job, double s, double u, double v, PrimitiveId id) {
+  KDRAY_INLINE void Offer(const KernelJob& job, double s, double u, double v, PrimitiveId id,
+                          BlockLane at) {
     const double key = s + shift;
     if (found && !Closer(key, id, best_key, best_id)) return;
     if (!IsInInterval(key)) return;
-    if (job.filter != nullptr && !FilterKeeps(job, row, id)) return;
+    if (job.filter != nullptr && !FilterKeeps(job, row, id, at)) return;
     found = true;
     best_key = key;
     best_u = u;
@@ -134,9 +155,10 @@ struct KeepAll : RoundedSearch {
     BeginRay(local, at);
     all.Begin(job);
   }
-  KDRAY_INLINE void Offer(const KernelJob& job, double s, double u, double v, PrimitiveId id) {
+  KDRAY_INLINE void Offer(const KernelJob& job, double s, double u, double v, PrimitiveId id,
+                          BlockLane at) {
     const double key = s + shift;
-    if (IsInInterval(key)) Take(job, {key, u, v, id});
+    if (IsInInterval(key)) Take(job, {key, u, v, id}, at);
   }
 
   struct Answers {
@@ -151,8 +173,8 @@ struct KeepAll : RoundedSearch {
   };
 
  private:
-  __attribute__((noinline)) void Take(const KernelJob& job, const Hit& hit) {
-    if (!all.Take(job, row, hit)) return;
+  __attribute__((noinline)) void Take(const KernelJob& job, const Hit& hit, BlockLane at) {
+    if (!all.Take(job, row, hit, at)) return;
     const double key = all.nearest.KeepNearest(job.poll);
     // As RoundedOrder::Limit, with the rounding of key - shift.
     cull.exit = std::min(cull.exit,

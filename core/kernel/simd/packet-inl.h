@@ -84,6 +84,13 @@ struct FrustumRays {
                          : Set16(origin[static_cast<int>(its_axis)]);
   }
 
+  KDRAY_INLINE F16 DirectionAt(std::uint32_t its_axis, const std::uint32_t* place) const {
+    return LookUp64(direction[its_axis], place);
+  }
+  KDRAY_INLINE F16 DirectionAt(std::uint32_t its_axis, std::size_t first) const {
+    return Load16(direction[its_axis] + first);
+  }
+
   /// The lanes whose s, between `low` and `high`, is certainly in the interval of the ray at a
   /// place, or certainly outside; `place` has 16.
   KDRAY_INLINE unsigned IsInside(F16 low, F16 high, const std::uint32_t* place) const {
@@ -121,7 +128,7 @@ struct FrustumRays {
   };
   KDRAY_INLINE Shear ShearAt(std::size_t place) const {
     D4 d[3];
-    for (std::size_t k = 0; k < 3; ++k) d[k] = DirectionAt(axis[k], place);
+    for (std::size_t k = 0; k < 3; ++k) d[k] = DoubleDirectionAt(axis[k], place);
     return {d[0] / d[2], d[1] / d[2], Set4(1) / d[2]};
   }
   /// The same of the ray at a place, in all lanes.
@@ -148,7 +155,7 @@ struct FrustumRays {
   bool FindRanges();
   bool FindIntervals(const KernelJob& job, std::size_t first);
   bool FindTarget(const MeshFrame& frame, const Given& given);
-  KDRAY_INLINE D4 DirectionAt(std::size_t k, std::size_t place) const {
+  KDRAY_INLINE D4 DoubleDirectionAt(std::size_t k, std::size_t place) const {
     return given_in_double_ ? Load4(direction_double_[k] + place) : Widen4(direction[k] + place);
   }
 
@@ -399,7 +406,7 @@ inline bool FrustumRays::FindTarget(const MeshFrame& frame, const Given& given) 
       const D4 local = (Load4(given.origin[k] + i) - Set4(vectors.origin[k])) * Set4(vectors.scale);
       StoreF4(Narrow(local), own_origin[k] + i);
       largest = Max(largest, Abs(local));
-      const D4 end = local + DirectionAt(k, i) * high;
+      const D4 end = local + DoubleDirectionAt(k, i) * high;
       if (i == 0) target[k] = Set4(end[0]);
       usual &= Bits(L4(Abs(local) <= Set4(4))) & Bits(L4(Abs(end - target[k]) <= Set4(kApart)));
     }

@@ -33,7 +33,7 @@ __attribute__((noinline)) void DecideByScalar(const KernelJob& job, PrimitiveId 
   const Ray ray = job.rays[search->row];
   const std::optional<LocalRay> local = MakeLocalRay(ray, job.mesh->frame());
   TriangleHit hit;
-  if (local && job.scalar->Test(*local, id, &hit)) search->Offer(job, hit.s, hit.u, hit.v, id);
+  if (local && job.scalar->Test(*local, id, &hit)) search->Offer(job, hit.s, hit.u, hit.v, id, {});
 }
 
 /// FastIntersection on eight triangles at once.
@@ -84,7 +84,7 @@ struct FastSearch : Keep {
       candidates &= candidates - 1;
       if ((certain >> lane & 1u) != 0) {
         Offer(job, static_cast<double>(s_of[lane]), static_cast<double>(u_of[lane]) + 0.0,
-              static_cast<double>(v_of[lane]) + 0.0, block.IdOf(lane));
+              static_cast<double>(v_of[lane]) + 0.0, block.IdOf(lane), {&block, lane});
       } else {
         DecideByScalar(job, block.IdOf(lane), this);
       }
@@ -181,7 +181,8 @@ struct WatertightSearch : Keep {
         four &= four - 1;
         const PrimitiveId id = block.IdOf(first + lane);
         if ((decided >> lane & 1u) != 0) {
-          Offer(job, decision.s[lane], decision.u[lane], decision.v[lane], id);
+          Offer(job, decision.s[lane], decision.u[lane], decision.v[lane], id,
+                {&block, first + lane});
         } else {
           DecideByScalar(job, id, this);
         }
@@ -199,6 +200,8 @@ struct BlockCorners {
   KDRAY_INLINE D4 operator()(int corner, std::uint32_t axis) const {
     return Widen4(block.corner[corner][axis] + first);
   }
+  /// Of one of the four.
+  BlockLane Place(unsigned k) const { return {&block, first + k}; }
 };
 struct GatheredCorners {
   alignas(32) double at[3][3][4];  // [corner][axis][lane]
@@ -206,6 +209,7 @@ struct GatheredCorners {
   KDRAY_INLINE D4 operator()(int corner, std::uint32_t axis) const {
     return Load4(at[corner][axis]);
   }
+  BlockLane Place(unsigned) const { return {}; }
 };
 
 /// Calls visit(corner_at, ids, four) for the candidates, up to four together, with one of the two
@@ -253,16 +257,16 @@ struct DoubleSearch : Keep {
   }
 
   KDRAY_INLINE void Test(const KernelJob& job, const LeafBlock& block, unsigned lanes) {
-    VisitFours<Stored>(job, block, FilterRelaxed(cull, block) & lanes,
-                       [&](const auto& corner_at, const PrimitiveId* ids, unsigned four)
-                           KDRAY_LAMBDA {
-                             DoubleDecision decision;
-                             exact.Decide(corner_at, &decision);
-                             for (four &= decision.inside; four != 0; four &= four - 1) {
-                               const unsigned k = static_cast<unsigned>(__builtin_ctz(four));
-                               Offer(job, decision.s[k], decision.u[k], decision.v[k], ids[k]);
-                             }
-                           });
+    VisitFours<Stored>(
+        job, block, FilterRelaxed(cull, block) & lanes,
+        [&](const auto& corner_at, const PrimitiveId* ids, unsigned four) KDRAY_LAMBDA {
+          DoubleDecision decision;
+          exact.Decide(corner_at, &decision);
+          for (four &= decision.inside; four != 0; four &= four - 1) {
+            const unsigned k = static_cast<unsigned>(__builtin_ctz(four));
+            Offer(job, decision.s[k], decision.u[k], decision.v[k], ids[k], corner_at.Place(k));
+          }
+        });
   }
 };
 
