@@ -98,6 +98,24 @@ TEST(HitFilter, DecidesSidesAndDistancesAsRationalNumbersDo) {
   }
 }
 
+TEST(HitFilter, DecidesSidesOfDirectionsAtTheEndsOfTheRange) {
+  auto engine = test::RandomEngine(2401);
+  const MeshData data = test::Soup(40, 0.5, 8);
+  const TriangleMesh mesh = TriangleMesh::Create(data).value();
+  for (const double scale : {0x1p-1074, 0x1p-1070, 0x1p-1021, 0x1p1000, 0x1p1022}) {
+    for (int i = 0; i < 60; ++i) {
+      const auto part = [&] {
+        return static_cast<double>(static_cast<int>(engine() % 31) - 15) / 8;
+      };
+      Ray ray;
+      ray.direction = Vec3d{part(), part(), part()} * scale;
+      if (!IsValid(ray)) continue;
+      const auto id = static_cast<PrimitiveId>(engine() % data.triangles.size());
+      ASSERT_EQ(SideMet(mesh, ray, id), RationalSide(test::CornersOf(data, id), ray)) << scale;
+    }
+  }
+}
+
 TEST(HitFilter, KeepsEverythingUnlessSomethingIsAsked) {
   const TriangleMesh mesh = TriangleMesh::Create(test::Cube({0, 0, 0}, 1)).value();
   EXPECT_FALSE(HitFilter(mesh, {}).is_active());
