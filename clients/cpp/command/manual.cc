@@ -1,5 +1,7 @@
 #include "clients/cpp/command/manual.h"
 
+#include <algorithm>
+
 namespace kdray::client {
 namespace {
 

@@ -1,4 +1,5 @@
-// Every typed batch of the library on the sample cube, and an error; install_test.py knows the answers.
+// Every typed batch of the library on the sample cube, and an error; install_test.py knows the
+// answers.
 #include <kdray/batches.h>
 #include <kdray/error.h>
 #include <kdray/upload.h>
@@ -14,14 +15,14 @@ int main(int, char** arguments) {
       client::UploadMesh(service, client::Payload::OfFile(arguments[2]), "bvh");
   const std::string id = cube.tree.id;
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  const std::vector<client::Ray> rays = {{{0.1, 5, 0.2}, {0, -1, 0}},
-                                         {{0.1, 5, 0.2}, {0, 1, 0}},
-                                         {{nan, 5, 0.2}, {0, -1, 0}}};
+  const std::vector<client::Ray> rays = {
+      {{0.1, 5, 0.2}, {0, -1, 0}}, {{0.1, 5, 0.2}, {0, 1, 0}}, {{nan, 5, 0.2}, {0, -1, 0}}};
   for (const client::Hit& hit : client::ClosestHits(service, id, rays)) {
     std::cout << "hit " << hit.IsHit() << " " << hit.t << "\n";
   }
   for (const int any : client::AnyHits(service, id, rays)) std::cout << "any " << any << "\n";
-  for (const auto count : client::CountHits(service, id, rays)) std::cout << "count " << count << "\n";
+  for (const auto count : client::CountHits(service, id, rays))
+    std::cout << "count " << count << "\n";
   const std::vector<client::Vector3> points = {{0.1, 5, 0.2}, {0, 0, 0}};
   for (const auto& closest : client::ClosestPoints(service, id, points)) {
     std::cout << "distance " << closest.distance << " at y " << closest.point[1] << "\n";
