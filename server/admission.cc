@@ -35,7 +35,7 @@ api::Outcome<Admission::Turn> Admission::Enter(Lane lane, const core::CancelToke
   std::unique_lock lock(mutex_);
   Line& line = LineOf(lane);
   // Nobody waits while a turn is free: Leave() passes it on.
-  if (line.running < max_running_) {
+  if (line.running < line.turns) {
     ++line.running;
     return Turn(this, lane, 0);
   }
@@ -59,11 +59,11 @@ api::Check Admission::Check(Lane lane) const {
 }
 
 api::Check Admission::CheckLocked(const Line& line) const {
-  if (line.running < max_running_ || line.waiters.size() < max_queued_) return std::nullopt;
+  if (line.running < line.turns || line.waiters.size() < max_queued_) return std::nullopt;
   return Problem{
       .code = ErrorCode::kOverloaded,
       .detail = "the server is at its limit of running and waiting requests of this size",
-      .limit = static_cast<double>(max_running_ + max_queued_)};
+      .limit = static_cast<double>(line.turns + max_queued_)};
 }
 
 void Admission::Leave(Lane lane) {

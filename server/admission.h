@@ -35,8 +35,13 @@ class Admission {
  public:
   /// In each lane, at most `max_running` turns at the same time, and at most `max_queued` requests
   /// that wait for one.
-  Admission(std::size_t max_running, std::size_t max_queued)
-      : max_running_(max_running), max_queued_(max_queued) {}
+  /// Short work has `short_factor` times as many turns: handing a turn over takes as long as such
+  /// work, and a thread that waits for a processor keeps its turn meanwhile.
+  Admission(std::size_t max_running, std::size_t max_queued, std::size_t short_factor = 1)
+      : max_queued_(max_queued) {
+    for (Line& line : lines_) line.turns = max_running;
+    LineOf(Lane::kShort).turns *= short_factor;
+  }
 
   /// The right to compute, during its lifetime.
   class Turn {
@@ -79,6 +84,7 @@ class Admission {
   };
 
   struct Line {
+    std::size_t turns = 0;
     std::size_t running = 0;  ///< turns, those of waiters that were called included
     std::list<std::shared_ptr<Waiter>> waiters;  ///< without a turn, the first in line first
   };
@@ -87,7 +93,7 @@ class Admission {
   Line& LineOf(Lane lane) { return lines_[static_cast<std::size_t>(lane)]; }
   api::Check CheckLocked(const Line& line) const;
 
-  const std::size_t max_running_, max_queued_;
+  const std::size_t max_queued_;
   mutable std::mutex mutex_;
   std::array<Line, kLaneCount> lines_;
 };

@@ -27,6 +27,9 @@
 namespace kdray::server {
 namespace {
 
+/// Enough that 64 clients with small batches wait for a processor rather than for a turn.
+constexpr std::size_t kShortFactor = 8;
+
 /// Makes the process's size follow the memory that is reserved. By default the allocator keeps
 /// freed blocks in an arena for each thread, up to twice the largest one that was ever freed. With
 /// these limits, it keeps little of --memory-limit, and small blocks are still reused.
@@ -153,6 +156,7 @@ int Serve(const Config& config, const sigset_t& signals, const Log& log) {
 
   Service service({.limits = config.limits,
                    .max_running = config.max_running,
+                   .short_factor = kShortFactor,
                    .max_queued = config.max_queued,
                    .request_memory_bytes = config.RequestMemoryBytes(),
                    .memory_lender = (*backend)->memory(),

@@ -86,7 +86,7 @@ api::Check CheckContentEncoding(const HttpRequest& request, const RouteMatch& ma
 Service::Service(ServiceOptions options, Backend& backend, const Log& log)
     : options_(std::move(options)),
       log_(log),
-      admission_(options_.max_running, options_.max_queued),
+      admission_(options_.max_running, options_.max_queued, options_.short_factor),
       memory_(options_.request_memory_bytes, options_.memory_lender),
       metrics_(options_.routes),
       context_{.backend = backend,

@@ -26,6 +26,7 @@ struct ServiceOptions {
   api::Limits limits;
   // Of each size of work (Lane).
   std::size_t max_running = 2;   ///< queries and renders that compute at the same time
+  std::size_t short_factor = 1;  ///< times as many if they take milliseconds
   std::size_t max_queued = 128;  ///< queries and renders that wait for a turn
   /// For bodies, rows, pictures and answers of requests; as many again may be borrowed from
   /// `memory_lender`, if there is one (RequestMemory).

@@ -51,6 +51,19 @@ TEST(Admission, LetsWorkWaitForWorkOfItsOwnSizeOnly) {
   EXPECT_EQ(LaneOf(4'000'000), Lane::kLong);
 }
 
+TEST(Admission, HasMoreTurnsForShortWork) {
+  Admission admission(1, 0, 3);
+  std::vector<api::Outcome<Admission::Turn>> turns;
+  for (int i = 0; i < 3; ++i) {
+    turns.push_back(admission.Enter(Lane::kShort, {}));
+    EXPECT_TRUE(turns.back().ok());
+  }
+  EXPECT_FALSE(admission.Enter(Lane::kShort, {}).ok());
+  const auto long_work = admission.Enter(Lane::kLong, {});
+  EXPECT_TRUE(long_work.ok());
+  EXPECT_FALSE(admission.Enter(Lane::kLong, {}).ok());
+}
+
 TEST(Admission, GivesATurnBackWhenItEnds) {
   Admission admission(1, 0);
   for (int i = 0; i < 3; ++i) {
