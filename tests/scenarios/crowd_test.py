@@ -32,8 +32,10 @@ class CrowdTest(unittest.TestCase):
         """Seconds of each answer to a good client. Every answer must be right."""
         body, connection, times = rays(), service.connect(), []
         path = service.tree + "/rays/closest"
-        expected = service.ask("POST", path, body)
-        self.assertEqual(expected[0], 200)
+        expected, refused = None, 0
+        while expected is None or expected[0] != 200:
+            self.assertTrue(expected is None or expected[0] == 503, expected)
+            expected = service.ask("POST", path, body)
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             start = time.perf_counter()
@@ -45,12 +47,17 @@ class CrowdTest(unittest.TestCase):
                     # It was idle when another one needed room. It begins again, as browsers do.
                     connection.close()
                     self.assertLess(attempt, 3)
+            if got[0] == 503:  # all others were newer than a moment
+                refused += 1
+                connection.close()
+                continue
             self.assertEqual(got, expected)
             times.append(time.perf_counter() - start)
             if new_connections:
                 connection.close()
             time.sleep(0.002)
         connection.close()
+        self.assertLessEqual(refused, 1 + len(times) // 50)
         return times
 
     def test_S01_four_hundred_idle_and_64_slow_clients_at_most_double_a_good_clients_p99(self):
