@@ -57,7 +57,7 @@ class CrowdTest(unittest.TestCase):
                 connection.close()
             time.sleep(0.002)
         connection.close()
-        self.assertLessEqual(refused, 1 + len(times) // 50)
+        self.assertLessEqual(refused, 1 + len(times) // 20)
         return times
 
     def test_S01_four_hundred_idle_and_64_slow_clients_at_most_double_a_good_clients_p99(self):
@@ -76,7 +76,7 @@ class CrowdTest(unittest.TestCase):
             print(f"p50 and p99 of a good client: {percentile(quiet, .5) * 1e3:.2f} and "
                   f"{percentile(quiet, .99) * 1e3:.2f} ms; crowded: {percentile(crowded, .5) * 1e3:.2f} and "
                   f"{percentile(crowded, .99) * 1e3:.2f} ms")
-            # A millisecond is the noise of a machine that runs other tests beside this one.
+            # What the scheduler of a machine with other load adds to single answers.
             self.assertLessEqual(percentile(crowded, .99), 2 * percentile(quiet, .99) + 0.001 * NOISE)
 
     def check_good_client_beside(self, service, slow, new_connections):
@@ -186,7 +186,7 @@ class CrowdTest(unittest.TestCase):
 
 
 CONNECTIONS = int(os.environ.get("KDRAY_CONNECTIONS", "3000"))
-NOISE = float(os.environ.get("KDRAY_NOISE_MS", "2"))
+NOISE = float(os.environ.get("KDRAY_NOISE_MS", "5"))
 
 if __name__ == "__main__":
     unittest.main(argv=[sys.argv[0], *sys.argv[2:]])
