@@ -1,6 +1,7 @@
 #include "server/request_memory.h"
 
 #include <algorithm>
+#include <chrono>
 #include <iterator>
 #include <optional>
 #include <string>
@@ -8,6 +9,10 @@
 namespace kdray::server {
 
 using api::Problem;
+
+// A client that has its answer may ask again before the answer's memory is returned. So a request
+// that does not fit waits this long for it.
+constexpr std::chrono::milliseconds kSettleTime(20);
 
 // `text_mutex` is taken after the budget's mutex or alone.
 struct RequestMemory::Body::Held {
@@ -37,24 +42,31 @@ api::Check RequestMemory::Charge(std::uint64_t bytes, std::uint64_t total, api::
   const std::uint64_t most = MostBytes() - left_to_others;
   if (total > most) return NeverFits(total, most, never);
   std::unique_lock lock(mutex_);
-  for (;;) {
-    const std::uint64_t needed = used_ + bytes + left_to_others;
-    const std::uint64_t present = own_ + borrowed_.bytes();
-    if (needed <= present) {
-      used_ += bytes;
-      return std::nullopt;
-    }
-    if (needed > MostBytes()) return FullLocked(bytes);
-    // In pieces, because an answer grows in small steps.
-    const std::uint64_t piece = std::max(needed - present, own_ / 16);
-    const std::uint64_t wanted = std::min(piece, MostBytes() - present);
-    // Without the lock: the lender may evict trees.
-    lock.unlock();
-    std::optional<core::MemoryCharge> more = lender_->TryReserve(wanted);
-    lock.lock();
-    if (!more) return FullLocked(bytes);
-    borrowed_.Add(*std::move(more));
+  const auto needed = [&] { return used_ + bytes + left_to_others; };
+  const auto fits = [&] { return needed() <= own_ + borrowed_.bytes(); };
+  bool has_waited = false;
+  while (!fits()) {
+    if (needed() <= MostBytes() && Borrow(needed(), &lock)) continue;
+    if (std::exchange(has_waited, true)) return FullLocked(bytes);
+    returned_.wait_for(lock, kSettleTime, fits);
   }
+  used_ += bytes;
+  return std::nullopt;
+}
+
+// Borrows towards `needed` bytes in all, which are at most MostBytes().
+bool RequestMemory::Borrow(std::uint64_t needed, std::unique_lock<std::mutex>* lock) {
+  const std::uint64_t present = own_ + borrowed_.bytes();
+  // In pieces, because an answer grows in small steps.
+  const std::uint64_t piece = std::max(needed - present, own_ / 16);
+  const std::uint64_t wanted = std::min(piece, MostBytes() - present);
+  // Without the lock: the lender may evict trees.
+  lock->unlock();
+  std::optional<core::MemoryCharge> more = lender_->TryReserve(wanted);
+  lock->lock();
+  if (!more) return false;
+  borrowed_.Add(*std::move(more));
+  return true;
 }
 
 // A body that began now would be the newest: nobody gives way to it.
@@ -62,8 +74,9 @@ api::Check RequestMemory::CheckBody(std::uint64_t bytes) const {
   if (bytes > MostBodyBytes()) {
     return NeverFits(bytes, MostBodyBytes(), api::ErrorCode::kBodyTooLarge);
   }
-  const std::lock_guard lock(mutex_);
-  if (!FitsBodyLocked(bytes, bytes)) return FullLocked(bytes);
+  std::unique_lock lock(mutex_);
+  const auto fits = [&] { return FitsBodyLocked(bytes, bytes); };
+  if (!returned_.wait_for(lock, kSettleTime, fits)) return FullLocked(bytes);
   return std::nullopt;
 }
 
@@ -106,6 +119,7 @@ void RequestMemory::Return(std::uint64_t bytes) {
 void RequestMemory::ReturnLocked(std::uint64_t bytes) {
   used_ -= bytes;
   borrowed_.Shrink(BorrowedAt(used_));
+  returned_.notify_all();
 }
 
 std::uint64_t RequestMemory::used() const {
@@ -120,14 +134,22 @@ std::uint64_t RequestMemory::borrowed() const {
 
 // `bytes` more for a body; false when it is refused.
 bool RequestMemory::Grow(Body::Held* body, std::uint64_t bytes) {
-  const std::lock_guard lock(mutex_);
-  if (body->refused) return false;
+  std::unique_lock lock(mutex_);
   const std::uint64_t total = body->charged + bytes;
-  if (!FitsBodyLocked(bytes, total)) {
-    const auto after = std::next(body->place);
+  const auto newer_bytes = [&] {
     std::uint64_t newer = 0;
-    for (auto next = after; next != bodies_.end(); ++next) newer += (*next)->charged;
-    if (newer == 0 || !FitsBodyLocked(bytes, total, newer)) return false;
+    for (auto next = std::next(body->place); next != bodies_.end(); ++next) {
+      newer += (*next)->charged;
+    }
+    return newer;
+  };
+  // Room that is free, or that newer bodies hold.
+  const auto has_room = [&] {
+    return body->refused || FitsBodyLocked(bytes, total) ||
+           (newer_bytes() != 0 && FitsBodyLocked(bytes, total, newer_bytes()));
+  };
+  if (!returned_.wait_for(lock, kSettleTime, has_room) || body->refused) return false;
+  if (!FitsBodyLocked(bytes, total)) {
     while (!FitsBodyLocked(bytes, total) && std::next(body->place) != bodies_.end()) {
       const std::shared_ptr<Body::Held> newest = std::move(bodies_.back());
       bodies_.pop_back();

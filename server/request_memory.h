@@ -1,7 +1,8 @@
 // The memory of all running requests: bodies, the data made from them, pictures, and answers until
-// they are sent. It is a part of --memory-limit. Beyond it, requests fail at once.
+// they are sent. It is a part of --memory-limit. Beyond it, requests fail within milliseconds.
 #pragma once
 
+#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
 #include <list>
@@ -25,11 +26,12 @@ namespace kdray::server {
 /// to work, so slow clients with large answers stop neither small requests nor large ones that have
 /// been received.
 ///
-/// What can never fit gets a code of status 413, what does not fit now memory_full.
+/// What can never fit gets a code of status 413, what does not fit now memory_full. Before that, a
+/// call waits some milliseconds for memory that an answer which was just sent is about to return.
 ///
-/// Bodies are ordered by their start. A body that meets a full budget does not wait: newer bodies
-/// are dropped for it, the newest first, if they hold enough; otherwise it fails itself. A dropped
-/// body frees its bytes at once, and its request fails at its next piece.
+/// Bodies are ordered by their start. When a body meets a full budget, newer bodies are dropped for
+/// it, the newest first, if they hold enough; otherwise it fails itself. A dropped body frees its
+/// bytes at once, and its request fails at its next piece.
 ///
 /// Safe from many threads at once.
 class RequestMemory {
@@ -115,6 +117,7 @@ class RequestMemory {
   bool IsSmall(std::uint64_t bytes) const { return bytes <= own_ / 64; }
 
   api::Check Charge(std::uint64_t bytes, std::uint64_t total, api::ErrorCode never);
+  bool Borrow(std::uint64_t needed, std::unique_lock<std::mutex>* lock);
   api::Problem NeverFits(std::uint64_t bytes, std::uint64_t most, api::ErrorCode code) const;
   void Return(std::uint64_t bytes);
   bool Grow(Body::Held* body, std::uint64_t bytes);
@@ -128,6 +131,7 @@ class RequestMemory {
   const std::uint64_t own_;
   core::MemoryBudget* const lender_;
   mutable std::mutex mutex_;
+  mutable std::condition_variable returned_;  // memory came back
   std::uint64_t used_ = 0;
   core::MemoryCharge borrowed_;
   Bodies bodies_;  // bodies that may be dropped, oldest first

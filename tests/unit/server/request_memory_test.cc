@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <memory>
 #include <optional>
 #include <string>
@@ -47,6 +48,31 @@ TEST(RequestMemory, RefusesWorkThatDoesNotFitNow) {
   EXPECT_TRUE(TakeIfFree(memory, 1600));
   EXPECT_FALSE(TakeIfFree(memory, 1601));
   EXPECT_EQ(memory.used(), 4000U);
+}
+
+// A client has its answer before the answer's memory is returned, and asks again.
+TEST(RequestMemory, WaitsForMemoryThatIsAboutToBeReturned) {
+  RequestMemory memory(kOwn);
+  for (int round = 0; round < 3; ++round) {
+    std::optional<Share> sent = TakeIfFree(memory, 5000);
+    std::jthread sender([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));  // of an answer's last bytes
+      sent.reset();
+    });
+    switch (round) {
+      case 0:
+        EXPECT_TRUE(TakeIfFree(memory, 5000));
+        break;
+      case 1:
+        EXPECT_EQ(memory.CheckBody(4000), std::nullopt);
+        break;
+      default: {
+        Body body(&memory);
+        EXPECT_TRUE(Append(body, 4000));
+      }
+    }
+  }
+  EXPECT_EQ(memory.used(), 0U);
 }
 
 TEST(RequestMemory, RefusesForGoodWhatCanNeverFit) {

@@ -89,9 +89,11 @@ TEST(Routes, TellAWrongMethodFromAWrongPath) {
 
 TEST(Routes, NeedNoTokenForHealthReadinessAndThePageOnly) {
   for (const Route& route : Routes()) {
-    const bool open = route.path == "/" || route.path == "/healthz" || route.path == "/readyz" ||
-                      route.path.ends_with(".js") || route.path.ends_with(".css");
+    const bool is_of_the_page = route.path == "/" || route.label == "/";
+    const bool open = is_of_the_page || route.path == "/healthz" || route.path == "/readyz";
     EXPECT_EQ(route.open, open) << route.path;
+    // Files, and nothing of the service, belong to the page.
+    EXPECT_TRUE(!is_of_the_page || !route.path.starts_with("/v1")) << route.path;
   }
 }
 
