@@ -1,7 +1,7 @@
 // `count` and `all` answer what brute force answers, bit for bit, in every build, kernel, SIMD
-// level and precision: each triangle once, nearest first, at most a given number for a ray. `closest`,
-// `any`, `count` and `all` leave out the same hits: those on a culled side, and those on the
-// surfaces that a ray begins and ends on.
+// level and precision: each triangle once, nearest first, at most a given number for a ray.
+// `closest`, `any`, `count` and `all` leave out the same hits: those on a culled side, and those on
+// the surfaces that a ray begins and ends on.
 #include <gtest/gtest.h>
 
 #include <algorithm>
