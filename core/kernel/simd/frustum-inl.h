@@ -285,7 +285,7 @@ class Frustum {
 
   // Rays of a group that are worth a test of the whole group with one triangle: their numbers need
   // not be collected from many places, nor the hits written one by one.
-  static constexpr int kTogether = 6;
+  static constexpr int kTogether = 10;
 
   KDRAY_INLINE void TestGroup(const TriangleWithGroup& pairs) {
     const std::size_t lane = pairs.slot % LeafBlock::kWidth;
