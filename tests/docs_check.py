@@ -107,9 +107,19 @@ class Checker:
                 for name in re.findall(r"\bN\d\d(?![a-z0-9])", line):
                     self.expect(name in self.catalogue, place, f"{name} is not in the catalogue of tests/README.md")
 
+    def versions(self):
+        """The programs, both packages and the changelog's last release have one version."""
+        version = re.search(r"project\(kdray VERSION ([\d.]+)", (ROOT / "CMakeLists.txt").read_text())[1]
+        for place, pattern in {"clients/python/kdray/version.py": r'VERSION = "(.*)"',
+                               "clients/js/package.json": r'"version": "(.*)"',
+                               "CHANGELOG.md": r"## (\d\S*)"}.items():
+            found = re.search(pattern, (ROOT / place).read_text())
+            self.expect(found and found[1] == version, place, f"the version is not {version}, that of CMakeLists.txt")
+
 
 def main():
     checker = Checker()
+    checker.versions()
     for path in tracked_files():
         if path.suffix == ".md":
             checker.markdown(path)
