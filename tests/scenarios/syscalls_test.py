@@ -89,6 +89,12 @@ class SystemCallsTest(unittest.TestCase):
             self.failed += answer is None or answer[0] >= 400
             connection.close()
 
+    def expect_refusal(self, answer, also):
+        # To the server, a connection that fails while it is read is a body that ends early.
+        if answer[0] == 400 and b"the body ended early" in answer[1]:
+            return
+        self.assertIn(answer[0], (also, 500, 503, 507), answer)
+
     def work(self, service, number, expected, stored):
         """A bit of everything. Answers with success must be the expected ones."""
         mesh = tetrahedron(number)
@@ -96,13 +102,13 @@ class SystemCallsTest(unittest.TestCase):
         if answer and answer[0] in (200, 201, 202):
             stored[json.loads(answer[1])["id"]] = mesh
         elif answer:
-            self.assertIn(answer[0], (409, 500, 503, 507), answer)
+            self.expect_refusal(answer, 409)
         for (method, path, body), right in expected.items():
             answer = self.attempt(service, method, path, body)
             if answer and answer[0] == 200:
                 self.assertEqual(answer[1], right, path)
             elif answer:
-                self.assertIn(answer[0], (408, 500, 503, 507), answer)
+                self.expect_refusal(answer, 408)
         for tree in list(stored)[:1]:
             answer = self.attempt(service, "GET", f"/v1/trees/{tree}/mesh")
             if answer and answer[0] == 200:
