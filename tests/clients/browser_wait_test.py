@@ -42,7 +42,7 @@ class BrowserWaitTest(PageTest):
 
     def test_an_upload_outlives_the_daemon_that_it_was_sent_to(self):
         browser = self.open_page()
-        browser.type("#file", self.sample("sphere-middle.ply", "--detail", "150"))
+        browser.type("#file", self.sample("sphere-middle.ply", "--detail", "400"))
         self.wait_text("#uploads", "building")
         self.daemon.stop()
         try:
