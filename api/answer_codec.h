@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Encodes the small answers as JSON text (UTF-8, no line breaks). For batches: api/batch_codec.h.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes the answer of a batch, as JSON or .npy, while its rows arrive.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Decodes batches of rays, and makes the writers of their answers, as JSON or .npy.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The two forms of a batch and its answer: JSON or a .npy array.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the work on a large batch asks of its caller: whether to go on, threads, and memory.
 #pragma once
 

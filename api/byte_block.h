@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A piece of memory for bytes that are written once: not set to zero, not copied.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The table of errors of the HTTP contract: code, status, title, meaning, Retry-After. The server's
 // answers, the /problems/ pages, the documentation and the tests all use it. The codes and their
 // names are those of the schema ProblemCode in api/openapi.yaml.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fields of requests as data. A table for each request (api/request_fields.h) gives each field's
 // name, its allowed values and its member. The same table serves to read the field from query
 // parameters or a JSON object, to report errors, to write the canonical text, and to check the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "api/field_kind.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The kinds of fields of requests, and their values: read from a parameter's text or from JSON, and
 // written as text. The tables of fields (api/request_fields.h) consist of these.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where a field's value comes from: a parameter's text or a JSON value. Both sources have the same
 // interface, so a kind of field (api/field_kind.cc) has the same range and error texts in both.
 #pragma once

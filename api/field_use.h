@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tables of the modes, projections and forms of the answer that use each field of a render, and
 // of the fields that replace others. A new mode or field changes only these tables.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rows of answers in their two forms, each kind of query with its own encoder.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads JSON batches into rows, in one pass and without a document tree.
 #pragma once
 

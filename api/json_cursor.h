@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The position of a JSON parser in its text, and errors with that position. Shared by the two
 // readers (api/json_batch.cc, api/json_reader.cc), whose SAX parser does not report its position.
 #pragma once

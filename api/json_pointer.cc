@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "api/json_pointer.h"
 
 namespace kdray::api {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads small JSON objects strictly: requests of at most a page. For batches: api/json_batch.h.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A SAX handler for batches in JSON: rows of numbers without a document tree, and errors that name
 // the row and the number. Only for the .cc files that read batches, because it includes the parser.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The fast reader of JSON batches, for the form in which programs write them. Whatever else is in
 // a text, valid or not, is left to api/json_batch.cc, which knows all of JSON and names the place
 // of an error.

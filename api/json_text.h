@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes JSON text directly, for answers of millions of numbers.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // JSON values for small answers, kept as the text that they become. nlohmann-json's values are not
 // used for answers, because their destructors allocate: a failure there ends the process.
 #pragma once

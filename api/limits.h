@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The limits of this server. Set by the command line; GET /v1 lists them under these names.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The .npy format, versions 1.0 to 3.0: a magic string, a header (the text of a Python dictionary),
 // then the bytes of the elements. Source: numpy, "NEP 1 - A Simple File Format for NumPy Arrays",
 // and numpy.lib.format.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "api/openapi_document.h"
 
 #include "api/openapi_files.h"  // made by the build

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Decodes batches of points, and encodes their answers, as JSON or .npy.
 #pragma once
 

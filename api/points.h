@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The types of point queries, as api/types.h has those of rays.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Splits the query of a request target into names and values.
 #pragma once
 

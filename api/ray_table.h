@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A decoded batch of rays: from a .npy array, which is read where it lies, or from numbers in
 // memory.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Decodes queries and small JSON bodies into request structs. `query` is the text after the '?' of
 // the request line, as sent (empty if absent); it is decoded strictly (api/query_string.h).
 //

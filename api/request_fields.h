@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tables of fields of every request: names, ranges and defaults of the contract. A test
 // compares them with api/openapi.yaml.
 #pragma once

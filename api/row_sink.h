@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rows of a batch's answer on their way from the backend to whoever writes them
 // (api/answer_writer.h).
 #pragma once

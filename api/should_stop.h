@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How a caller ends what takes long here, when nobody wants its result any more.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tree ids: `<sha256 of the mesh bytes, 64 lower-case hexadecimal digits>-<build>`.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The types of the HTTP contract as plain structs: requests and answers. Defaults are defined only
 // here; names and ranges of fields in the tables of fields (api/request_fields.h); enumerations in
 // api/names.h, which the build makes from the lists in api/openapi.yaml. No JSON, no HTTP, no

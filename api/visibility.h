@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The types of visibility between two point sets.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Decodes pairs of point sets, and encodes which points see each other, as JSON
 // or .npy.
 #pragma once

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # The names that api/openapi.yaml lists, as C++, so that each of them is written once.
 
 set(KDRAY_CONTRACT "${PROJECT_SOURCE_DIR}/api/openapi.yaml")

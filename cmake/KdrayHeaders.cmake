@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Every header must compile alone: makes, for each header of a target, a one-line source that includes
 # only that header. Built by the target `check-headers`, which tests/run builds.
 

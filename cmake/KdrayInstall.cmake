@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # What `cmake --install` puts where, and the Debian packages that cpack makes of it.
 #
 # Components: `kdray` is the service and the command, `dev` the C++ client library.

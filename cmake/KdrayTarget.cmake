@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Settings of all our targets. They are set on targets, not as global flags, so they do not affect what
 # a consumer compiles.
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Configures and builds a preset of CMakePresets.json: cmake/build.sh PRESET [TARGET...]. Used by server/run,
 # tests/run and the Dockerfile; by hand, `cmake --preset P && cmake --build --preset P` does the same.
 # KDRAY_WARNINGS_AS_ERRORS=ON makes warnings errors, as .ci/run and the preset dev do.

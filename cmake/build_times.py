@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Processor seconds of the objects of a build, the most expensive ones first.
 
     cmake/build_times.py [--build build/release] [--most 20] [PATTERN...]

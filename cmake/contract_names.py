@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes a C++ header with the names that api/openapi.yaml lists:
 
     contract_names.py enums|help INPUT.yaml OUTPUT.h NAMESPACE ENUM=POINTER...

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes what people read of the contract, as HTML: contract_page.py OPENAPI.yaml OUTPUT.html
 
 A table of contents; every operation with an example, its parameters, its body and its answers with

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Run by kdray_embed() in the build: writes HEADER from the files PATHS under their NAMES.
 #
 # Bytes become character literals, not one string literal: the standard limits string literals to

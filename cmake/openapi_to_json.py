@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Turns api/openapi.yaml into one JSON document: openapi_to_json.py INPUT.yaml OUTPUT.json
 
 Examples that the YAML points to with `externalValue` are put in as `value`, for the daemon serves no files. A

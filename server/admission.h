@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The limit on simultaneous work, for each size of work. Beyond it, requests fail at once with
 // `overloaded`, so accepted requests stay quick.
 #pragma once

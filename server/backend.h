@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The interface between handlers and core, so routes, handlers and their status codes are tested
 // with a fake (tests/support/fake_backend.h) and without meshes. CoreBackend
 // (server/core_backend.h) is the real backend. The types are the contract's (api/types.h).

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tokens of --token-file, which authorise clients.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Undoes the content codings of uploads, piece by piece: gzip (zlib) and zstd (libzstd). Its .cc is
 // the only file that includes these libraries here. Sources: RFC 1952 (gzip), RFC 8878 (zstd).
 #pragma once

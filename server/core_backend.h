@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The real backend: keeps meshes and trees with core's TreeLibrary and answers queries with core's
 // tracer and renderer. It parses ids, runs work in the query arena, and converts types with
 // server/mapping.

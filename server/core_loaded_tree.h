@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The real LoadedTree: answers queries on a scene of core's library, in an arena for each query.
 #pragma once
 

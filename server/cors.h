@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cross-origin requests of pages in browsers (CORS): which origins may read answers, and the
 // answers to preflights. Source: WHATWG, Fetch Standard, 3.2 (CORS protocol).
 #pragma once

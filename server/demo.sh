@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # The demonstration of `server/run --demo`, with the programs in the folder BIN: server/demo.sh BIN
 # Uploads a mesh, queries rays and renders a picture. Only the files in out/demo remain.
 set -euo pipefail

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # The list of Debian packages that kdray needs; installs those that are missing.
 #   server/dependencies.sh GROUP...          install missing packages; silent and offline without any
 #   server/dependencies.sh --list GROUP...   print the names, one per line

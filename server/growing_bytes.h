@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bytes that arrive in pieces and lie in one row: the body of a request.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The parameters of a handler: the common context, and its request with the times that it reports.
 #pragma once
 

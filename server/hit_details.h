@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an answer says of a hit beside t, triangle, u and v.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The log: one JSON object per line. A separate thread writes the lines, so no request waits for
 // their reader.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the log shows of a request's query string.
 #pragma once
 

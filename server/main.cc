@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // kdrayd: reads its options, starts the backend and the server, and ends both when told to.
 #include <malloc.h>
 #include <unistd.h>

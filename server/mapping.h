@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Converts between the contract's types (api) and core's; no other file does.
 #pragma once
 

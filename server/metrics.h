@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the daemon counts about itself, for GET /metrics. Its .cc is the only file that includes
 // prometheus-cpp.
 #pragma once

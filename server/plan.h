@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Describes for people how a mesh was modelled, and why.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Answers batches of points: converts the contract's rows, calls core's point queries, and converts
 // the answers, block by block.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An array of numbers whose memory is not set to zero first: it is written before it is read.
 #pragma once
 

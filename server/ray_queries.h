@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Answers batches of rays: block by block, reads the rows, calls core's tracer, and hands the hits
 // to a sink.
 #pragma once

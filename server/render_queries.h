@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Answers render requests: makes core's specification of a request, calls core's renderer, and
 // encodes the picture.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The memory of all running requests: bodies, the data made from them, pictures, and answers until
 // they are sent. It is a part of --memory-limit. Beyond it, requests fail within milliseconds.
 #pragma once

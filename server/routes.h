@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The handlers of paths and methods. Paths are compared byte by byte, not by patterns, which
 // hostile paths could make slow.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The HTTP service without the adaptor: request id, token, route, handler, and the headers of every
 // answer. Handlers return an answer or a problem; problems become problem+json here.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The measured trade-off: from core's three lists to the contract's rows.
 #include <algorithm>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The body of an upload: its bytes after Content-Encoding is undone, under the limits of both.
 #pragma once
 

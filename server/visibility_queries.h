@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which points of two sets see each other: makes the rays, block by block, and
 // traces them.
 #pragma once

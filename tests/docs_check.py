@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Documentation that names what is not there misleads: this finds it.
 
 Checked in every Markdown file: relative links; paths in `backticks` (with * and {a,b}) that begin

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Documentation that is easy to read: decisions are short, and prose fits 100 columns.
 
 Checked: each decision of DESIGN.md has at most 300 words, its context, choice, rejected alternatives

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Includes follow the arrows that HACKING.md draws ("Layers"), and libraries stay in the files that it names.
 
 The folder of a file is the longest row of the table that its path begins with, as a folder or as a file

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """No function that the whole program may share was compiled for more than the baseline.
 
 An inline function of a shared header that the compiler leaves out of line in isa_avx2.cc or isa_avx512.cc becomes a weak

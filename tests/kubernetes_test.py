@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """The Kubernetes manifests of server/deploy/kubernetes: kubernetes_test.py KDRAYD
 
 Every object is checked against the models that python3-kubernetes generates from the schema of the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Client of kdrayd: ray queries and renders of triangle meshes over HTTP, on typed arrays.
 //
 // Numbers. A Float32Array is sent as it is, everything else as doubles, and the answer's numbers

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page's address: its fragment says all that is shown, and Back and Forward go through it.
 
 const TREE_ID = /^[0-9a-f]{64}-[a-z0-9.-]{1,63}$/;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The service's HTTP contract as functions. URLs are relative to the page, so that it also works
 // where a proxy puts the service under a path of its own.
 import { ApiError, ConnectionError, isAbort } from './errors.js';

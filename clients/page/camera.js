@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A camera that circles a target: moved by the mouse, sent in render requests. Right-handed,
 // pictures have row 0 at the top, as in the service's contract.
 import { add, cross, dot, length, normalize, scale, sub } from './vector.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Text for the clipboard: links, and commands that repeat in a shell what the page just did.
 import { rayBody, treePath } from './api.js';
 import { element } from './dom.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Notices that the server is gone, and when it is back.
 
 const FIRST_WAIT_MS = 500;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mouse and touch on the picture, as movements of a camera and clicks.
 
 const CLICK_PIXELS = 4;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The contract for people, where a plain link to /docs cannot carry a token; its examples can be
 // changed and sent.
 import { Api } from './api.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a request can end with, other than its answer.
 
 /** The server's problem+json, or a substitute for an answer without one. */

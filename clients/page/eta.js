@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Percent and time left of something whose done part is known from time to time.
 import { secondsText } from './text.js';
 

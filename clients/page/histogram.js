@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The leaves of a tree by their number of triangles, as bars.
 import { svg } from './dom.js';
 import { countText } from './text.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shoots a ray and finds out what there is to know of it: its hit at once, then the answers of
 // every precision, the crossings, the group, and the cells on its way.
 import { isAbort } from './errors.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keys on the picture. The help dialog in index.html lists them.
 
 const STEP = Math.PI / 24; // of an arrow key

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the colours of a picture mean: the steps of mode cost, the distances of mode depth.
 import { byId, element } from './dom.js';
 import { shortNumber } from './text.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Arrangements of lights, as the contract's `lights`. Those with a place in the world belong to the
 // up axis; `sun` has a direction that the user chooses.
 import { FRAMES, numberText } from './camera.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Menus that are <details> elements: they close when something else is used, and by Escape.
 
 export function closeMenus(menus) {

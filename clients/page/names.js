@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The service identifies meshes by their hash. What this browser knows of them is kept here, in the
 // browser: the names of their files, and whether their trade-off was measured.
 

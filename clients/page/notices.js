@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the page tells its user: short notes, problems, the loss of the server, and words for those
 // who hear the page.
 import { byId } from './dom.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lines over the picture: the ray that was shot, and the cells that it passes through. They are
 // drawn by the page, with the camera of the picture below.
 import { add, scale } from './vector.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keeps the canvas up to date. At most one picture is requested at a time: rough ones while things
 // move, then the full size, then the same with smooth silhouettes. A picture that is no longer
 // wanted is cancelled, which also ends its work in the server.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small pictures of trees: requested one at a time, when they come into sight, and only while the
 // large picture needs nothing.
 import { OrbitCamera } from './camera.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The panel of one ray: its hit, what each precision answers, and its way through the tree's cells.
 import { byId, element, fillFacts, fillTable, svg } from './dom.js';
 import { announce } from './notices.js';

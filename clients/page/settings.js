@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How the picture is made: the fields above it, as a render query and as part of a link.
 import { addOptions, byId, chooseOption } from './dom.js';
 import { parseNumbers } from './camera.js';

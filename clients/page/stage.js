@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The picture with all that belongs to it: the camera, what moves it, the lines over the picture,
 // the legend, and the file of the picture.
 import { OrbitCamera } from './camera.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tabs by the pattern of the ARIA Authoring Practices: arrows move between them, and one panel is
 // shown.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Numbers and ids as people read them.
 
 const count = new Intl.NumberFormat('en');

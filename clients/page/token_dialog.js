@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Asks for the token that a server with --token-file wants.
 
 /** Resolves with the typed token. Nothing works without one, so the dialog stays until then. */

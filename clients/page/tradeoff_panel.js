@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The panel of the trade-off between speed and accuracy on the chosen mesh: measuring, its
 // progress, the result.
 import { byId, fillTable } from './dom.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The trade-off as a plot: rays a second to the right, inaccuracy upwards. A colour for each
 // precision, a shape for each build.
 import { element, svg } from './dom.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The trees that the server has, newest first, page by page, with small pictures.
 import { byId, element } from './dom.js';
 import { nameOf } from './names.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is known of the chosen tree and its mesh.
 import { byId, element, fillFacts } from './dom.js';
 import { showHistogram } from './histogram.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Guesses which axis of a mesh points up: 'y' or 'z'. No format but glTF says it.
 
 /** What most programs that write a format do. */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The card of one upload: what happens, how far it is, and what went wrong.
 import { element } from './dom.js';
 import { errorDetails, errorName } from './errors.js';

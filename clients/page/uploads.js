@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Uploads chosen and dropped files one after the other, each with a card that shows its progress.
 import { byId } from './dom.js';
 import { isAbort, TooLargeError } from './errors.js';

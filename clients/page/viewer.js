@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Puts the page together: which tree is shown, what the buttons do, and what the address says.
 import { Address } from './address.js';
 import { Api } from './api.js';

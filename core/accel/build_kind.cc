@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/accel/build_kind.h"
 
 namespace kdray::core {

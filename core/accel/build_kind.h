@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The structures that a caller can choose.
 #pragma once
 

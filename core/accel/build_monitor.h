@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The builders' connection to their caller: cancellation and progress.
 #pragma once
 

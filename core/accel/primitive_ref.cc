@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/accel/primitive_ref.h"
 
 #include <limits>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Primitive references: the triangles of an unfinished tree.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The surface area heuristic: the expected cost of a random ray in a node.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A built tree of any kind, with its statistics.
 #pragma once
 

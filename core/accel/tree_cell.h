@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The boxes of a tree's nodes, for pictures and study of the tree.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Statistics of a built tree, for tests, benchmarks and callers.
 #pragma once
 

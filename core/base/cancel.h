@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cancellation: by a deadline or by request. Loops check the token through a CancelPoll
 // (core/base/cancel_poll.h), which counts the work done. Functions that are cancelled return
 // kCancelled or kDeadlineExceeded and leave nothing half done.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Checks a cancel token at intervals of work done, so every loop whose length depends on the input
 // ends soon after its cancellation.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // All enumerators of an enumeration, counted by their names, without a separate list or a last
 // enumerator.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Four floats at once. The vector types of GCC and Clang: each lane is computed by the plain IEEE
 // operation, in the order written, on every processor. So results do not depend on the machine.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Checks that this thread's floating-point unit follows the rules on which core's answers depend.
 #pragma once
 

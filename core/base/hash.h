@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SHA-256 of mesh bytes and stored files (OpenSSL's implementation, which uses the processor's SHA
 // instructions).
 #pragma once

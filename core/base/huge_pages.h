@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Memory on huge pages. Traversal accesses memory at random; with 4 KiB pages, translating
 // addresses takes a large part of its time.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The one seam for threads: nothing else in the project sees oneTBB. The same algorithms run on one
 // thread, so that races and order effects can be ruled out. Results must never depend on how the
 // work was split.

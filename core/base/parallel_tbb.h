@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // core/base/parallel.h on oneTBB. Included by it alone.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // core/base/parallel.h on plain threads, for ThreadSanitizer. oneTBB's library is not instrumented,
 // so the sanitizer reports false positives inside it. Suppressing them would also suppress our own
 // races in the same frames. With threads of the standard library every report is about our own

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sorting that can be cancelled, for lists whose length depends on the input.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The progress of a long piece of work, for people who wait for it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Value or error. Core throws nothing on purpose and never prints or exits; what can go wrong
 // because of a caller's input comes back as an Error. Assertions are for our own mistakes.
 #pragma once

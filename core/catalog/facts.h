@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The facts that describe a mesh and a tree without them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The result of parsing a mesh file: the mesh that queries use, and its facts.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The records of trees and measured meshes, as values.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/catalog/tree_id.h"
 
 namespace kdray::core {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The id of a tree: the hash of the mesh bytes and the requested build.
 #pragma once
 

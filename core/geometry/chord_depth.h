@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How deep a segment reaches into a triangle.
 #pragma once
 

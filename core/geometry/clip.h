@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Conservative bounds of the part of a triangle that lies in a box.
 #pragma once
 

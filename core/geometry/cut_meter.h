@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Counts the cost of triangulating polygons, for a limit per file and for cancellation.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Unevaluated sums of two doubles, some 106 bits: the stage between a filter in double and exact
 // integers.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Numbers m * 2^e with large integers m: sums and products of doubles without rounding, underflow
 // or overflow. The last resort of the precision `exact`, for signs and orders that neither a filter
 // in double nor double-double arithmetic decides. Computed by GMP's functions on fixed arrays, so

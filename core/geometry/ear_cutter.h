@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Triangulates a closed path, which may touch itself, by ear clipping.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The best triangles for a closed path that crosses itself.
 #pragma once
 

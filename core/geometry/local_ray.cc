@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/geometry/local_ray.h"
 
 #include "core/geometry/double_double.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A ray in the frame of one mesh, ready for traversal; and the rule that keeps culling and leaf
 // tests in step.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The health report of a mesh: the properties on which answers about inside and outside depend.
 #pragma once
 

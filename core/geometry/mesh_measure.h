@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Area and volume of a mesh.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Exact scaling by powers of two; a multiplication instead of std::ldexp where both give the same.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Exact geometric predicates: a sum in double with a proven error bound decides nearly always,
 // exact arithmetic otherwise.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rays as callers give them, in mesh units.
 #pragma once
 

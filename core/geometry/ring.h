@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A closed path of corners as a doubly linked ring, from which corners can be taken out.
 #pragma once
 

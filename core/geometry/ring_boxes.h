@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A tree of boxes that finds the corners or edges of a shrinking ring that a triangle may meet.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An indexed triangle mesh as the trees and the leaf tests see it: validated, immutable, in a frame
 // of its own. core/io/mesh_reader.h makes MeshData from bytes; core/geometry/mesh_health.h judges
 // it.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Three numbers along x, y, z, and the arithmetic on them. Every operation is the plain IEEE one,
 // in the order written.
 #pragma once

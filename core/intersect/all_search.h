@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The search of one ray for all its hits, templated over the triangle intersection and the
 // structure: the plain form of what the kernels (core/kernel) do for `count` and `all`.
 #pragma once

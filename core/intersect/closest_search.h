@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The search of one ray for its closest hit, templated over the triangle intersection and the
 // structure: the plain form of the kernels (core/kernel).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Differences of products with the exact sign: the arithmetic of every edge test.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The triangle intersection of the precision `exact`: hits, and the order of t, are those of the
 // real numbers that the caller gave.
 #pragma once

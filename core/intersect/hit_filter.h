@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which of the triangles that a ray hits count as hits: the sides that it may meet (`cull`), and
 // the surfaces on which it begins and ends (`t_min=auto`, `t_max=auto`). The same in every
 // precision.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The decisions of HitFilter for a triangle whose corners are at hand: a kernel has them in its
 // block, and the way to the mesh's vertices is long.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rounded arithmetic of the precision `exact`, with error bounds: in double for the signs of
 // most triangles, in double-double for the others and for the numbers of an answer. The kernels do
 // the same in vectors (core/kernel/simd/exact-inl.h, exact_hits-inl.h).

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The one test per precision that decides whether a ray hits a triangle, and where. Kernels only
 // choose which triangles come here. A test reads nothing but the ray and the triangle, in a fixed
 // order of operations, so its answer depends on nothing else. Compiled without contraction into

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Takes from the mesh readers what core/io/mesh_attributes.h keeps: they report values, groups and
 // faces as they read them, if MeshReadOptions names a sink.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Memory for the elements that a file claims to contain.
 #pragma once
 

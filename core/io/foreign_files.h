@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recognises files in unsupported formats that people send, so that an error can say what the bytes
 // are and what to send instead. core/io/format_sniffer.h recognises the supported formats.
 #pragma once

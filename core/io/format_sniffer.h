@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Detects the mesh format from the bytes alone.
 #pragma once
 

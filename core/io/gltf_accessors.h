@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The numbers of a glTF file: its buffers, views and accessors, checked against each other.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The container of a glTF 2.0 file: GLB, or its JSON as text.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What core/io/gltf_reader.h needs of a glTF file's JSON: plain values, checked for their kind but
 // not against each other or the buffers.
 #pragma once

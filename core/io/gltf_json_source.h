@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The characters of a JSON text for a parser that copies every string and cannot be interrupted.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // glTF 2.0: GLB, and glTF text whose buffers are data: URIs.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a mesh file says about its surface besides triangles: texture coordinates, normals, colours,
 // groups, and which edges of the triangles are edges of the file's faces. Read from the file's
 // bytes when first needed, never at the upload. core/io/attribute_sink.h collects them from the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Errors of mesh readers, with line or byte.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads mesh files into MeshData. There is one reader per format; this one detects the format from
 // the bytes alone.
 #pragma once

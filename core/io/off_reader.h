@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // OFF, the Object File Format of Geomview, ascii.
 #pragma once
 

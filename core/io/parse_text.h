@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads words and numbers of text mesh files, in one pass and without copies.
 #pragma once
 

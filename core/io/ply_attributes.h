@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which properties of a PLY element are attributes of the surface (core/io/attribute_sink.h).
 #pragma once
 

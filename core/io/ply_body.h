@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rows of a PLY file, ascii or binary, with one interface for ply_reader.cc, which walks
 // through a row property by property. Every call returns false when the file does not contain the
 // requested value; error() then gives the cause and the position.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Finds vertices and faces among the elements of a PLY file.
 #pragma once
 

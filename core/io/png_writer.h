@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Encodes pixels as PNG. Only its .cc includes the libraries for compression.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Triangulates polygons: a polygon of n corners always becomes n - 2 triangles that use its corners
 // and keep its winding.
 #pragma once

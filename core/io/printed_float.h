@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Distinguishes the text of a 32-bit float from the text of a double. Programs print floats with
 // six, seven, eight or nine digits, so the text alone is neither the float nor a hint at its type.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rules on vertices for every format. A coordinate that is not finite, or beyond kMaxCoordinate,
 // makes a mesh invalid only in a vertex that a face uses.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The kernels: ways to take many rays through a wide tree together. A kernel only culls. The
 // triangle intersection of the precision decides, bit for bit, computed in lanes or by a
 // ScalarSearch.

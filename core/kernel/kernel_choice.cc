@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/kernel/kernel_choice.h"
 
 #include "core/kernel/ray_order.h"

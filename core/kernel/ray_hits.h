@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The hits of one ray for the queries `count` and `all`: each triangle once, although a kd-tree may
 // offer it from several leaves.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sorts similar rays together, so a ray finds the data of its predecessors in the caches.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The search of one ray with the scalar triangle intersection, as an interface for every precision
 // and vertex type: the fallback of all kernels.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The vector instructions of the kernels. Answers do not depend on them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A set of triangles that is emptied for each ray: which ones were offered before.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The attributes of meshes (core/io/mesh_attributes.h) are read from the stored files when somebody
 // first needs them: once for all who ask, in memory that is reserved.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Binary trees are dropped once their wide trees are made. Cells and counted steps need them, so
 // they are made again when somebody asks: once for all who ask, in memory that is reserved.
 #pragma once

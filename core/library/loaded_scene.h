@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What passes between a worker that brings a tree into memory and those who wait for it.
 #pragma once
 

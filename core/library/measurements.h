@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Results of measurements of meshes (core/tradeoff), and the running one, which is shared by all
 // who wait for it.
 #pragma once

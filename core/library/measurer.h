@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measures speed and accuracy on meshes (core/tradeoff) in the background, one mesh at a time.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One limit for all memory that grows with meshes. Work reserves memory before it allocates, so too
 // much work waits or fails instead of meeting the kernel's OOM killer.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Uploads, from the first byte of a mesh to the record of its tree.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The library's locks and the order in which they are taken.
 //
 //   1. MeshLocks        held to write or remove a mesh's files or records, also during disk work

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Parses a mesh file to a mesh with its facts, and computes the memory for that from the file's
 // counts before it is allocated.
 #pragma once

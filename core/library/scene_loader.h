@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where scenes come from: memory, else the stored files, else the mesh's own bytes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Runs the tasks of TreeRegistry on background threads.
 #pragma once
 

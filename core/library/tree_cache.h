@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Meshes, their attributes and trees in memory; the least recently used are evicted first.
 #pragma once
 

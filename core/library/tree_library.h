@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The trees of one data directory by their ids: uploads, builds, memory, disk, deletion. Core's
 // interface for a server, independent of the protocol. It only connects its parts: the state is in
 // tree_registry.h, the work in mesh_intake.h, tree_builder.h, scene_loader.h, tree_remover.h,

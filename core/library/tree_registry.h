@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The trees that exist and the task that runs for each: the state of TreeLibrary, without its work
 // (tree_builder.h, tree_remover.h).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The events of tasks in TreeRegistry, from the first step to success or failure.
 #include <algorithm>
 #include <utility>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Takes trees away: their records, their files, and what is in memory of them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The work under way for one tree, shared by all who wait for it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The order of those that wait for memory. Only the rule: core/library/memory_budget.h has the
 // memory and the threads.
 #pragma once

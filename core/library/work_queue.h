@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Background jobs in order of arrival, on separate threads. These are not TBB workers, so a job may
 // wait for memory or disk without delaying queries.
 #pragma once

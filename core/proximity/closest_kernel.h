@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The kernels of point queries, one for each instruction set: they walk the wide tree with vectors.
 // A kernel only culls; the judges of core/proximity/point_search.h decide.
 #pragma once

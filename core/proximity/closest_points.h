@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The closest point of a mesh for each point of a batch. It walks the wide tree that rays walk, so
 // nothing more is built for it.
 #pragma once

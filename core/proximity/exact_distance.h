@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Distances of a point and triangles in real numbers: their order, and the answer that is rounded
 // once. The last resort of the precision `exact`.
 #pragma once

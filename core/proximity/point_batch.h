@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The points of a batch in a mesh's frame, and their rows in an order in which neighbours are near
 // each other.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The search for a point's closest triangle: what decides between triangles, and the plain walk of
 // the tree, in double. The kernels (core/proximity/simd) walk it with vectors and cull more
 // cheaply; the decision is the same.

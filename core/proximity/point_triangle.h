@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The distance of a point and a triangle in double: the arithmetic that decides in the precision
 // `double`, and a filter with a proven bound in `exact`.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which side of a mesh's surface points are on, and their signed distances. Decided exactly, by the
 // parity of crossings (core/trace).
 #pragma once

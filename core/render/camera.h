@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A camera in world units: rays from pixels, and points to pixels. core/render/framing.h makes one
 // from a caller's parameters.
 #pragma once

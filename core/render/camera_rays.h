@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rays through many points of one image, cheaper than Camera::RayThrough for each.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Draws the edges of a tree's cells as thin lines, hidden where the mesh is in front (Figure 4 of
 // George Tang, "Acceleration Structures", 2019).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The values of the modes that take one sample, at the centre of each pixel.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Colours: sRGB as callers write them, linear light as the renderer adds them up.
 #pragma once
 

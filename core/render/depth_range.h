@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The range of depths that the greys of a depth picture cover.
 #pragma once
 

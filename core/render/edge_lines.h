@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Draws the edges of the mesh's faces as thin lines, hidden where a surface is in front.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The pixel store and the pieces that are rendered one at a time.
 #pragma once
 

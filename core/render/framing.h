@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Completes a caller's camera parameters to a camera that shows the mesh.
 #pragma once
 

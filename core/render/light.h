@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lights: as a caller describes them, and as the shader uses them.
 #pragma once
 

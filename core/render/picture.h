@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Converts a rendered image to an 8-bit sRGB picture.
 #pragma once
 

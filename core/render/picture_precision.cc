@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/render/picture_precision.h"
 
 #include <algorithm>

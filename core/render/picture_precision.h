@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The precision that `auto` means for an image.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The pixel filter: how much the light around a pixel's centre counts for the pixel.
 #pragma once
 

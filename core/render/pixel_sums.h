@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sums of a pixel's samples, to which more samples can be added.
 #pragma once
 

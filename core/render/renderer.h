@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Renders a scene to pixels. Rays go through the batch interface of core/trace/trace.h;
 // core/render/picture.h converts the result to 8-bit colours.
 #pragma once

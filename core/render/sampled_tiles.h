@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Renders tiles whose pixels take several samples: rays, hits, values, sums, pixels.
 // core/render/tile_renderer.h renders those of one sample; core/render/renderer.h calls both.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The positions of samples in a pixel, and the directions of secondary rays.
 #pragma once
 

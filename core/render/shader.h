@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From the hits of samples to their values: light, normals, occlusion. Secondary rays are traced in
 // batches.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a mesh file says about its surface besides triangles, as shading uses it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Renders tiles whose pixels take their centre as the one sample, and the lines over any tile.
 // core/render/sampled_tiles.h renders those of several samples; core/render/renderer.h calls both.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/render/tile_scratch.h"
 
 #include "core/render/pixel_order.h"

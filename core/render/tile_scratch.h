@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The memory of one thread that renders tiles, kept from tile to tile: allocating it for each would
 // take as long as tracing.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One folder of immutable files with crash-safe writes: whatever happens, a name stands for a whole
 // old file, a whole new one, or nothing. core/store/checked_file.h adds a check of the contents.
 #pragma once

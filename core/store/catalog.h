@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The records of trees: one small file for each, named by the id, so a crash or a damaged file
 // affects only one tree.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files of our own formats, checked as a whole when they are read:
 //   8 bytes magic, 4 bytes version, 4 bytes byte-order mark | payload | 8 bytes payload length,
 //   32 bytes SHA-256 of everything before.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The files of the data directory, their limit, and their order of use. Only bookkeeping:
 // scene_store.h does the disk work.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/store/facts_codec.h"
 
 #include <cstddef>

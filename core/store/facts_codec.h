@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The encoding of facts about meshes and trees in stored files.
 #pragma once
 

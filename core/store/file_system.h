@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An interface of the file operations that the store needs, so a test can make each of them fail.
 // core/store/blob_store.h puts crash-safe files on top.
 #pragma once

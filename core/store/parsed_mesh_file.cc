@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/store/parsed_mesh_file.h"
 
 #include <cstddef>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A parsed mesh on disk, so a restart reads numbers instead of parsing text. Derived from the mesh
 // file's bytes: if damaged or lost, it is made again.
 #pragma once

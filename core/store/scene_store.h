@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The data directory:
 //   lock              held while a daemon uses the directory
 //   meshes/<sha256>   the uploaded bytes

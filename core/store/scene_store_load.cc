@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The start of SceneStore. It inspects everything before it changes anything, so a failed start
 // leaves the data directory unchanged.
 #include <algorithm>

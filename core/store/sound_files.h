@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mesh files whose bytes were checked and have not been changed since, so a file is not hashed for
 // every request.
 #pragma once

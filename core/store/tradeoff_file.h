@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stored result of a mesh's trade-off measurement.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A built tree on disk, so a restart reads it instead of building it. Derived from the mesh: if
 // damaged or lost, it is built again.
 #pragma once

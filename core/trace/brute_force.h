@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reference answers: every triangle with every ray by the same triangle intersection, without
 // structure and culling. The oracle of tests; too slow for anything else.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The origin of a secondary ray that does not hit the surface that it leaves.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Splits a batch into chunks for the threads of the caller's arena.
 #pragma once
 

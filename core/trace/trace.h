@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The batch interface of ray queries for server, renderer, tests and benchmarks. It chooses a
 // kernel, which only culls; one triangle intersection per precision
 // (core/intersect/triangle_intersection.h) decides.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Compares the hits of one precision with the exact ones.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rays for measuring the trade-off.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measures the rays a second of one build in one precision.
 #pragma once
 

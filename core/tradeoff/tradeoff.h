@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measures speed and accuracy on one mesh: every build with every precision.
 #pragma once
 

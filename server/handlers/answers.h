@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shared by handlers: reading bodies, and the headers for caching.
 #pragma once
 

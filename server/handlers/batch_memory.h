@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The memory of one batch: its body, its rows, and its answer until it is sent.
 #pragma once
 

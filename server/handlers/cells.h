@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The boxes of a tree: /v1/trees/{id}/cells.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The common waits of queries, renders and cells before they are computed: for the tree, and for a
 // turn.
 #pragma once

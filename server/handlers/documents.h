@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The service's health, contract and pages.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The handlers of ray queries: a batch of rays in, an answer per row out.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Images: /v1/trees/{id}/render.png and render.npy, the fields as parameters (GET) or as JSON
 // (POST).
 #pragma once

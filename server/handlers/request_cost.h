@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a request will cost, estimated before it is computed: its work, which chooses its lane, and
 // the memory of pictures.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Speed against accuracy on one mesh, measured: /v1/trees/{id}/tradeoff.
 #pragma once
 

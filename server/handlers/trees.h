@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Uploads and trees: /v1/trees and below.
 #pragma once
 

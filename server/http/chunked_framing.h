@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The framing of a chunked body: chunk sizes, extensions, trailers. It handles bytes in memory;
 // connection.h moves the data between them. Source: RFC 9112 (HTTP/1.1), section 7.1.
 #pragma once

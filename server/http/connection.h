@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An accepted socket, read and written under deadlines, which bound the time that a client can keep
 // a thread. It handles bytes, not HTTP, and keeps bytes of the next request.
 #pragma once

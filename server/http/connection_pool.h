@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A thread for each connection, up to a limit. Beyond it, the connections that wait longest for
 // their clients make room.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "server/http/departure_watch.h"
 
 #include <sys/epoll.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Detects clients that leave during the work for their request, which is then cancelled.
 #pragma once
 

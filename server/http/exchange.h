@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One request and its answer on a connection, for the handler; converts exceptions to answers.
 // Independent of the library that listens and writes (http_server.cc).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // cpp-httplib binds the socket and writes answers. What it does not do, and why:
 //
 // - It reads no request. Its reader takes bare line feeds, negative and repeated lengths, chunk

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The adaptor: HTTP/1.1 over TCP, by cpp-httplib 0.11 or 0.18. Its .cc is the only file that
 // includes the library, whose defaults are unsafe with hostile clients; it documents what the
 // library does and what it does not.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The listening socket: accepts connections until it is told to stop, whatever the system reports.
 #pragma once
 

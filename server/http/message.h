@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The daemon's types of requests and answers. The adaptor (http_server.h) makes and consumes them;
 // no other file depends on the HTTP library.
 #pragma once

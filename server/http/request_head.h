@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Parses the head of a request strictly: request line and header fields. Ambiguous heads are
 // errors, because a body that is read as a request allows request smuggling. Source: RFC 9112
 // (HTTP/1.1), sections 2 to 6.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Times as text: in the contract, the log and HTTP. All in UTC.
 #pragma once
 

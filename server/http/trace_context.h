@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The trace that a client's request belongs to, from its header `traceparent`. Source: W3C Trace
 // Context, section 3.2.
 #pragma once

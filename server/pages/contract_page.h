@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The readable contract at /docs. The build makes its first part from the OpenAPI document
 // (cmake/contract_page.py); the table of errors follows.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "server/pages/html.h"
 
 #include "server/pages/embedded_page.h"

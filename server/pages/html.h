@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Simple HTML pages: the frame and the escaping.
 #pragma once
 

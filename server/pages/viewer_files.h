@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The viewer page at /: the files of clients/page, built into the daemon.
 #pragma once
 

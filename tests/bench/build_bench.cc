@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How long builds take: every kind beside Embree's two qualities, taken in turn in one process, on
 // one thread and on two; and how builds and queries grow with the mesh, against the lecture note's
 // claims (a build in n log^2 n or better, a query in log n).

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The queries `count` and `all` beside Embree's way to the same answer: rtcIntersect with a filter
 // function that takes each hit down and rejects it, so the traversal goes on. Random rays, the same
 // for both sides, in turn in one process. Then the parity of counts in `exact`: on a closed mesh,

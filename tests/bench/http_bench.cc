@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The work of HTTP requests in process: the rays of a batch through the kernels, and a picture.
 // Writes the batch as rays.npy into a folder, and the times as CSV to standard output.
 // tests/bench/http runs it, then asks the daemon for the same.

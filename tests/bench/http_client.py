@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The client of tests/bench/http: http_client.py KDRAYD FOLDER RUNS
 
 Asks a daemon over a loopback socket for the batches and the picture of bench_http, in turn with the

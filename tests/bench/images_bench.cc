@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Error of pictures over time, for each precision: against a reference of many samples in `exact`.
 // Writes CSV to standard output. tests/bench/images runs it.
 #include <algorithm>

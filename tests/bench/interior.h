@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A generated interior for the benchmarks: rooms with huge, tiny, and long thin triangles.
 #pragma once
 

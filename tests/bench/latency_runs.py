@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs wrk against kdrayd and nginx in turn: latency_runs.py BIN SECONDS
 
 Prints a row for each measurement: server, connections, load (full, or half of what 8 connections reach), round,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rays on which kdray and Embree differ, one by one: those that trace_bench.cc counts, of the
 // same meshes and classes, held against `exact`. Both get the same floats. Writes CSV to standard
 // output, a row a ray and precision; tests/bench/mismatches runs it.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Time of whole pictures beside the time in which the kernels trace the same rays: one thread,
 // 1024 x 768, shaded. Writes CSV to standard output.
 //

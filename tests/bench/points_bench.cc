@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The closest point of a mesh beside CGAL's AABB tree (with the kernel EPICK and its search tree
 // for hints), taken in turn in one process on one thread, on the same points; and exact closest
 // points, signed distances and inside queries of the same points.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Turns the benchmarks' results into tables and plots.
 
   report.py tradeoff|images|mismatches|latency|hits|pictures CSV COMMAND

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What all reports of benchmarks share: conditions, tables, plots, sections of README.md."""
 import os
 import re

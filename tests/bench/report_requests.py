@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reports of benchmarks of single queries, pictures and requests over HTTP."""
 import csv
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Replicas behind a ring of consistent hashing, under requests for trees by Zipf's law.
 
 Three questions, each answered for trees of equal size and independent requests:

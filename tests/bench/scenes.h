@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the benchmarks run on: meshes, rays and Embree over the same numbers.
 #pragma once
 

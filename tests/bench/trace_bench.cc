@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rays a second beside Embree: kdray's kernels and ten modes of Embree (quality MEDIUM and HIGH;
 // single rays, packets of 16 and streams, coherent and incoherent), without and with ROBUST, taken
 // in turn in one process on the same rays.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measures every build with every precision (core/tradeoff) on each mesh of the collection and
 // writes a table with a row for each, as CSV, to standard output. tests/bench/tradeoff runs it.
 #include <charconv>

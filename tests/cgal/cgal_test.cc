@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The precision `exact` against CGAL's AABB tree with an exact kernel: the same closest triangle,
 // and its t, on random and on degenerate rays. CGAL knows nothing of ours: not its frame, filters
 // or trees. (Its licence keeps it out of all but tests.)

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Closest points and sides in `exact` against CGAL: the squared distance of its AABB tree with an
 // exact kernel, and its test for points inside a closed surface.
 #include <CGAL/AABB_tree.h>

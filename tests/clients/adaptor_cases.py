@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The calls by which the adaptors of the Python package are compared with the real libraries.
 
 `python3 adaptor_cases.py` records the answers of the installed libraries (Debian: python3-trimesh

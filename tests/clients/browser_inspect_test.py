@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The viewer page in a real browser: trees, rays and the trade-off, compared with the service."""
 import numpy as np
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The viewer page in a real browser: links that restore all that is shown, Back and Forward."""
 from page import FINGERPRINT, SETTLED, PageTest, main
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The viewer page in a real browser: the camera, what moves it, and the pictures it asks for."""
 import os
 import time

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The viewer page in a real browser against the real daemon: files, tokens, proxies, devices.
 
 browser_test.py KDRAYD KDRAY. Its neighbours: browser_picture_test.py (cameras and pictures),

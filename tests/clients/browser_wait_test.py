@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The viewer page in a real browser: a large mesh that takes time, and a daemon that is gone."""
 import time
 

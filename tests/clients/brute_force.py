@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ray and point queries the slow, obvious way: every row with every triangle, in double.
 
 triangles: (M, 3, 3), the corners of each. Compare with a tolerance.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The kdray command against the real daemon: command_test.py KDRAYD KDRAY"""
 import hashlib
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The contract against the running daemon, the command and the examples: contract_test.py KDRAYD KDRAY
 
 What the contract documents is what the daemon sends (status codes, headers, types, bodies), the examples hold their

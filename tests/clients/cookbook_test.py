@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pages of docs/cookbook, run as they stand: cookbook_test.py KDRAYD KDRAY [PAGE...]
 
 The commands of a page, then its Python, run in an empty folder against a daemon. The picture that

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A page of another origin against the daemon, in a real browser: cors_test.py KDRAYD KDRAY"""
 import http.server
 import os

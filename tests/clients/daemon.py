@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The real kdrayd on a free port with a data directory of its own, for the tests of the clients."""
 import os
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """kdray.dask over three daemons and two workers: dask_test.py KDRAYD KDRAY
 
 Exits with 77 (skipped) if python3-distributed is not installed. The oracle is one daemon, asked

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The contract as a page: docs_test.py KDRAYD KDRAY
 
 Every example of a request is run by a shell against the real daemon. The page, and its form with a

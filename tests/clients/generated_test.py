@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clients that public generators make of the contract: generated_test.py KDRAYD KDRAY FOLDER OPENAPI.json
 
 npm installs the generators into FOLDER. The clients that they make of the contract are compiled by

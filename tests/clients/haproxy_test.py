@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """kdrayd behind HAProxy with TLS, by the example package/haproxy.cfg: haproxy_test.py KDRAYD KDRAY"""
 import http.client
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the Dockerfile promises: image_test.py KDRAYD KDRAY
 
 The image itself is built elsewhere; here the daemon runs with the image's environment.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `cmake --install` and cpack make: install_test.py KDRAYD KDRAY BUILD_FOLDER
 
 The programs, documents, service and library of an installed tree; a project outside that uses the library; the Debian

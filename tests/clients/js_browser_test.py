@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The JavaScript client in a page of another origin, in a real browser: js_browser_test.py KDRAYD KDRAY
 
 The page has no build step: it imports clients/js/src/index.js. Once it comes from a name without

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the tests of the viewer page share: a daemon, a browser, meshes, waiting for pictures."""
 import json
 import os

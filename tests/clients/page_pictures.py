@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Photographs the viewer page in each of its states: page_pictures.py KDRAYD KDRAY FOLDER
 
 For people who change the page, and for the README: docs/page.png is `ray.png` of these.

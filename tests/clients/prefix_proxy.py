@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A reverse proxy that puts a service under a path, as sites with several services do."""
 import http.server
 import select

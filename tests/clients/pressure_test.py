@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The daemon under pressure of memory, load and long work: pressure_test.py KDRAYD KDRAY [--long]
 
 Scenarios S01, S06, S07 and S09, each with its bound. The short form runs beside other tests: it checks memory and what

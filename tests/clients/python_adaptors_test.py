@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """kdray.trimesh and kdray.open3d answer as the real ones: python_adaptors_test.py KDRAYD KDRAY
 
 The answers of the real libraries come from the installed ones, else from recorded/

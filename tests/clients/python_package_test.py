@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The Python package as its users get it: python_package_test.py KDRAYD KDRAY
 
 pip installs it into a virtual environment without a network, where it uploads, casts rays and shows

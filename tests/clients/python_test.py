@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The Python package kdray against the real daemon: python_test.py KDRAYD KDRAY"""
 import hashlib
 import inspect

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The Python package kdray against servers that misbehave: python_transport_test.py"""
 import io
 import shutil

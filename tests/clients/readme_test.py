@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The examples of the READMEs, run as they stand: readme_test.py KDRAYD KDRAY
 
 Commands ("$ …") of a file run in one shell, against a daemon of their own, and must print what stands below them: `…` in a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A server that misbehaves as a test says: for each request it does one step of its script."""
 import json
 import socket

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Uploads as clients send them, chunked and compressed: uploads_test.py KDRAYD KDRAY
 
 Python's standard library, requests, curl and Node each send one mesh in their own way, and must get the tree id that

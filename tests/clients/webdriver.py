@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A headless Chromium, driven over the WebDriver protocol with the standard library alone.
 
 Source: W3C Recommendation "WebDriver"; chromedriver speaks it on a local port.

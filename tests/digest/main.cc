@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Prints a digest of many answers for each mesh, build and precision: the same lines whatever
 // compiler and optimisation made the program. tests/compilers compares them (N22). Its inputs are
 // made of integers and exactly rounded operations, so that they are the same as well.

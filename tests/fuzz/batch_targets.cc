@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bodies and queries of requests: batches of rays and points as JSON and .npy, and parameters.
 #include <cmath>
 #include <nlohmann/json.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The entry of libFuzzer. KDRAY_FUZZ_TARGET names the target; with KDRAY_FUZZ_SEEDS its seeds are
 // written to that folder first.
 #include <cstdint>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Parsers of bytes from strangers, as functions that a fuzzer calls (libFuzzer's manual, "Fuzz
 // Target"). Each holds its parser to what its header promises, not only to staying alive.
 #pragma once

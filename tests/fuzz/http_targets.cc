@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a connection reads before anybody is authorised: heads, chunks, content codings, tokens.
 #include <algorithm>
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mesh files of every format, and what they say besides triangles.
 #include <algorithm>
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Replays what the fuzzer begins with and what it has found, with every compiler: each seed, each
 // file of tests/fuzz/corpus, and some thousand mutations of both.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pictures of generated meshes, kept and looked at. To make one anew after a wanted change, run
 // with KDRAY_UPDATE_GOLDEN=1, look at it, and commit it apart with the reason.
 #include <gtest/gtest.h>

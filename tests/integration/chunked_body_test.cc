@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Chunked bodies over a real socket: what is taken, what is refused, and that no byte of a refused
 // body is taken for a request.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How connections end, from either side: the peer of a connection that the server gives up sees its
 // end at once, and a client that leaves is told from one that only has nothing more to send.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The daemon as a process of its own, as a user starts it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // kdrayd as a process: its line, its exit codes, its end, and what is left after a crash.
 #include "tests/integration/daemon.h"
 

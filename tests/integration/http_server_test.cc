@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The adaptor on a real socket, with a handler that tells what reached it.
 #include "server/http/http_server.h"
 

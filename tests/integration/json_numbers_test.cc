@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // N24: JSON numbers at the edges of double, in and out of the service. The readers' own tests
 // (tests/unit/api) have more of them.
 #include <gmock/gmock.h>

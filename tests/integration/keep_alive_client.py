@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """A client of the standard library that pauses between two requests of a connection until the server has closed it.
 
 Usage: keep_alive_client.py URL PAUSE_S. For each kind of request before the pause, the next request ends at once:

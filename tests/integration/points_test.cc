@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Point queries over a real socket: forms, headers and refusals with a fake backend, and answers
 // with the real one.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The contract with the real backend: what is uploaded is what is hit.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

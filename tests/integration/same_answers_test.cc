@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // N20 over HTTP: JSON or npy, in one batch or row by row, from a tree just built, in memory or read
 // from disk, on one thread or four: the same numbers, bit for bit.
 // tests/property/same_bytes_test.cc has the rest of N20.

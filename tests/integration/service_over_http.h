@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A service over a real socket, with a backend that has no geometry.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The contract over a real socket: what requests may not say.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Visibility over a real socket: forms and refusals with a fake backend, and
 // answers with the real one.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A library that lets one allocation or one start of a thread fail in the process that loads it
 // with LD_PRELOAD, whichever thread asks for it. The tests choose which one in the file that
 // KDRAY_FAULTS names (tests/scenarios/service.py).

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/property/aimed_run.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Traces rays that must hit in every precision, and counts leaks and differences of t from `exact`.
 #pragma once
 

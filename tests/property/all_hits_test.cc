@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `count` and `all` answer what brute force answers, bit for bit, in every build, kernel, SIMD
 // level and precision: each triangle once, nearest first, at most a given number for a ray.
 // `closest`, `any`, `count` and `all` leave out the same hits: those on a culled side, and those on

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // N23: cases that other ray tracers are known to get wrong, from their issue trackers and tests.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Trees answer what brute force answers, bit for bit: on random scenes, exhaustive small ones, and
 // where rays, planes and triangles meet in degenerate ways (N07 to N11 of the numeric catalogue).
 #include "core/trace/brute_force.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Closed meshes with points that are certainly inside, and families of rays aimed from there at the
 // hardest targets for float arithmetic. Each such ray must hit; this needs no arithmetic.
 #pragma once

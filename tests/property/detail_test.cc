@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // N14: features of a millimetre, kilometres from the origin, in metres.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Against Embree in its robust mode, on three real meshes: hit or miss and t agree except for at
 // most 1 ray in 10,000 (Embree works in float; each kind of difference is within its rounding).
 #if __has_include(<embree4/rtcore.h>)

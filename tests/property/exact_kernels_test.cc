@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The kernels' vector form of `exact` (bounds, preparation of rays, t and weights of four rays at a
 // time) against ExactIntersection, bit for bit, where its bounds are about to leave a doubt: rays
 // within ulps of corners, edges and planes, hits within ulps of each other and of the interval's

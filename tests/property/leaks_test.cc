@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // N01 to N04, N07, N15: a ray from strictly inside a closed mesh must hit it, wherever it is aimed,
 // whatever the mesh's size and place; and so must one from far away through a point inside. No
 // arithmetic is needed to know the answer. t is compared with that of `exact`.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // N21: the number of crossings of a ray with a closed mesh is odd from inside and even from
 // outside, through edges and corners, along sides and where it only touches.
 #include <gtest/gtest.h>

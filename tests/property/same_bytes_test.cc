@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // N20: an answer depends on the ray, the mesh and the precision, and on nothing else: not on the
 // build, the threads, how a batch is cut, the kernel, the width of its vectors, nor on whether the
 // tree was just built or came from memory or disk. tests/integration/same_answers_test.cc goes on

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // N05: a mesh and its rays scaled by a power of two answer the same triangle and weights, and t
 // scaled, bit for bit.
 #include <gtest/gtest.h>

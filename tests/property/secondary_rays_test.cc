@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // N16: rays that start at hits do not hit the triangle that they leave, and do not pass over a
 // surface that is more than 4 ulp of a float away.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // N12, N13: triangles so thin, and rays so close to a triangle's plane, that rounded arithmetic
 // loses them. `exact` answers as rational numbers do; how often the others differ is printed.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // N06: turning, mirroring or renumbering a mesh changes no answer but in the names of things.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // N17: meshes that are hard to build a tree over cost no more than a small factor of a tame mesh of
 // their size, in time and in memory. Both are measured in one run, so a slow machine is slow for
 // both.

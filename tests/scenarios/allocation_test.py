@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Each allocation, and each start of a thread, fails once: allocation_test.py KDRAYD LIBRARY [TEST]
 
 S14 and S15 of the scenarios in tests/README.md. A failure may cost the request that meets it, by an

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Many connections, most of them bad: crowd_test.py KDRAYD [TEST]
 
 S01 and S02 of the scenarios in tests/README.md. A good client asks small batches the whole time, and

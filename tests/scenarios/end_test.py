@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the daemon ends and what signals do: end_test.py KDRAYD [TEST]
 
 S10 of the scenarios in tests/README.md.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A daemon under test for the scenarios, and clients that behave well or badly."""
 import http.client
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Mixed load with random faults for a long time: soak.py BUILD_FOLDER [--minutes N] [--seed N] (tests/soak)
 
 S18 of the scenarios in tests/README.md. Clients ask, upload, delete, leave, drip and send nonsense,

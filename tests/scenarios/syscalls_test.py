@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """System calls of the daemon fail, by strace's fault injection: syscalls_test.py KDRAYD [TEST]
 
 S11, S13 and S02 of the scenarios in tests/README.md. While calls fail, an answer may be an error or a

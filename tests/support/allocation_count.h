@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measures the peak memory of a piece of code. Linking this replaces operator new and delete in the
 // whole program, so only programs that use it pay for it.
 #pragma once

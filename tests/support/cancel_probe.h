@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measures the time from the cancellation of a running call to its end, in processor time of the
 // calling thread, so a busy machine does not change it; the call runs on that thread alone. With
 // KDRAY_CANCEL_WALL=1, which tests/cancellation sets, in wall-clock time.

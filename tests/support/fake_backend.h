@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A backend without geometry: meshes are any bytes, every tree is the plane z = 0. For tests of the
 // HTTP side.
 #pragma once

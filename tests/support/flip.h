@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The visible difference of two pictures for a person who flips between them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/support/gltf_mesh.h"
 
 #include <openssl/evp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads glTF 2.0 files into MeshData independently of core/io/gltf_reader.h, as an oracle for it,
 // and for tests that need the closed meshes of the collection.
 #pragma once

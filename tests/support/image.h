@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Decodes PNG files, with another library than the one that writes them, and compares golden
 // pictures.
 #pragma once

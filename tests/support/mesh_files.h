@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The path of the collection of real and hostile meshes, and the bytes of its files.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A .npy array of version 1.0 from numbers in memory.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A mesh in memory as the text of an OBJ file.
 #pragma once
 

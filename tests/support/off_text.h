@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A mesh as the bytes of an OFF file, with every digit.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A second renderer, to check the first: it projects each triangle and fills it within the bounding
 // box of its projection, with a depth buffer. Plain double arithmetic; it shares no code with the
 // renderer.

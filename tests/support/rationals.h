@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The oracle of the precision `exact`: rays and triangles in rational numbers throughout, by
 // solving for the plane and then the weights, on world coordinates. It shares nothing with what it
 // judges and is as slow as it is obvious.

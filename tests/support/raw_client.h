@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A client that sends the given bytes unchanged, for invalid requests.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tables of rays from rows in memory, and sinks that keep the rows of answers.
 #pragma once
 

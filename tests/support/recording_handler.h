@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the handlers of tests of the HTTP adaptor share.
 #pragma once
 

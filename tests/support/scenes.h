@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scenes for tests: a mesh and one tree over it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The service on a free port of this process, over any backend.
 #pragma once
 

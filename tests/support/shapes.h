@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Meshes from formulas, for tests that need known geometry. Sizes and positions are in world units;
 // the same arguments give the same mesh on every machine.
 #pragma once

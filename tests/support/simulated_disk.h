@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A disk in memory that can fail at any operation, fill up, become read-only, and lose what was not
 // synced: the state after a crash or a power failure, without one.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Waits for what another thread or process does, where nothing notifies the test.
 #pragma once
 

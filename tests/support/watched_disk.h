@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A file system that tells a test of every piece that is read or written, before it happens: so a
 // test can do something in the middle of a file.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "kdray/server_url.h"
 
 #include <charconv>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the headers of an answer say, for people and as JSON.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sends a batch of rows in parts, so its progress can be seen and it may be larger than the server
 // takes at once, and joins the answers.
 #pragma once

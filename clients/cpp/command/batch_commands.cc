@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // rays, points and visibility: batches from files or standard input.
 #include <array>
 #include <memory>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How fast a running daemon answers from here.
 #include <array>
 #include <functional>

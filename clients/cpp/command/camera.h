@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The camera positions that the command computes itself: around a turntable, and the directions of
 // a scan. Everything else about cameras is the server's.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The one description of the program that the parser, the help, the manual page and the completions
 // are made of.
 #pragma once

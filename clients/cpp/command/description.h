@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The server's description of a tree in words. Missing fields are omitted, so descriptions of older
 // and newer servers work too.
 #pragma once

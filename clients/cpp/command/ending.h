@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The ending of an output file's name decides what is written.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sends the same request again and again for some time and measures the answers.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Entry of the `kdray` command: only signals and streams.
 #include <sys/ioctl.h>
 #include <unistd.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The manual page kdray(1), made from the description of the command line.
 #pragma once
 

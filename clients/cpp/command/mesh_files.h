@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The mesh files that arguments of `kdray upload` name.
 #pragma once
 

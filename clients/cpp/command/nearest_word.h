@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Suggests what a mistyped word was meant to be.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A figure of scatter plots with logarithmic axes, drawn into a PNG file. Only its .cc includes
 // cairo.
 #pragma once

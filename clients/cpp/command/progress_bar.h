@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shows how far long work is, how fast it goes, and how long it still takes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How long a render will take. The server does not tell how far a picture is, so a small picture of
 // the same view is rendered first and its time is scaled.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rays of a scanner with beams at given elevations, and the points that a scan leaves.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The points that a laser scanner would see: one spherical image of positions, or beams at given
 // elevations by ray queries.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Common to all subcommands: the server, the token, and the output of remarks.
 #pragma once
 

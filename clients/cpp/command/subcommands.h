@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The subcommands of `kdray`, as data: what they are called, their options, and what they do.
 // command.cc gives them to CLI11, which no other file includes.
 #pragma once

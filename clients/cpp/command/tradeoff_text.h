@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A mesh's measured trade-off as a table for people.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The cameras of `kdray render --turntable N`.
 #pragma once
 

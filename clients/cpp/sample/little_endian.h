@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Numbers as little-endian bytes on any machine.
 #pragma once
 

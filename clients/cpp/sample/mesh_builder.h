@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Collects triangles and joins corners at equal positions, so neighbouring patches share vertices
 // and a closed shape is closed in the file.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Encodes sample meshes in the mesh formats of the service.
 #pragma once
 

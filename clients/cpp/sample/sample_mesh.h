@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sample meshes from formulas, so no file must be fetched for a first picture. The y axis points
 // up, as in the service's default camera; closed shapes face outwards.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The samples that are formulas. The teapot, which is a table, has its own file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Utah teapot as Martin Newell drew it in 1975 from cubic Bezier patches.
 // Source: Frank Crow, "The Origins of the Teapot", IEEE CG&A 7(1), 1987, with the bottom that later
 // tables add: 32 patches in all.

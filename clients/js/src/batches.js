@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // @ts-check
 // Many rows as several requests in parallel, their answers in the order of the rows. Answers do not
 // depend on how rays are split, so the result is that of one request.

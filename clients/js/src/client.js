@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // @ts-check
 // A server: uploads, its trees, its limits.
 import { KdrayError } from './errors.js';

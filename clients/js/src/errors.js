@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // @ts-check
 // The two ways in which a request fails. Invalid arguments are TypeError or RangeError, and an
 // aborted signal throws its reason, as everywhere in JavaScript.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The package's interface; kdray.d.ts beside this folder describes it.
 export { Client } from './client.js';
 export { ConnectionError, KdrayError } from './errors.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // @ts-check
 // The .npy format as the service uses it: versions 1 to 3, C order, little-endian numbers, plain or
 // packed structured elements.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // @ts-check
 // Renders: a PNG as bytes, or the pixels as a typed array.
 import { decode, plainArray } from './npy.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // @ts-check
 // A mesh given as arrays, as the bytes of a binary PLY file. The same arrays give the same bytes,
 // so they give the same tree id.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // @ts-check
 // Batches of rows to one endpoint, and their answers as columns.
 import { inParallel, partsOf, rowsOfARequest } from './batches.js';

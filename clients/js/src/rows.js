@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // @ts-check
 // Rays and points as callers give them: a flat typed array, or a list of rows.
 

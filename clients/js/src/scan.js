@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // @ts-check
 // Scans from one point: the pixels of a spherical image as points, or beams at given elevations.
 

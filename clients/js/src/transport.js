@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // @ts-check
 // Requests: the token, retries that are safe, cancellation, and the server's reasons as errors.
 //

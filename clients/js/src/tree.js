@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // @ts-check
 // A tree of a server: ray and point queries, renders, scans, cells, the trade-off.
 import { arrayOf, pngOf } from './picture.js';

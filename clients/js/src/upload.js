@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // @ts-check
 // Uploads: a mesh in any form as bytes, its tree id before it is sent, and the progress of sending.
 import { plyOf } from './ply.js';

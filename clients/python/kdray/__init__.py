@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ray queries and pictures of triangle meshes, answered by a kdray server.
 
     import kdray

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A `.npy` file that is written piece by piece and appears under its name when it is complete."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Large batches: cut into blocks that the server accepts, sent in parallel, joined in order."""
 from __future__ import annotations
 

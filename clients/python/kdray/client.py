@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The server: uploads, and the trees that it has."""
 from __future__ import annotations
 

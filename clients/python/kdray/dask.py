@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Large batches and pictures over several servers, by the workers of a Dask cluster.
 
     import distributed, kdray.dask

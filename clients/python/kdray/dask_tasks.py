@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tasks of `kdray.dask`: what a worker does with one, and which server it asks."""
 from __future__ import annotations
 

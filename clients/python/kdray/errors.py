@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What may go wrong: `Problem` is a server's answer, `ConnectionFailed` the lack of one."""
 from __future__ import annotations
 

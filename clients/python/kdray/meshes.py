@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What may be uploaded: a file, bytes, or arrays of vertices and faces, which become a PLY file."""
 from __future__ import annotations
 

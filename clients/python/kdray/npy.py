@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Arrays as bodies (`.npy`), and answers as arrays, without copies of the data."""
 from __future__ import annotations
 

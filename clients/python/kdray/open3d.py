@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Open3D's RaycastingScene, answered by a kdray server.
 
 The methods, shapes, dtypes and miss values are those of `open3d.t.geometry.RaycastingScene`.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures: PNG files that notebooks show by themselves, and as arrays."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Progress of uploads, builds, batches and measurements, as calls of a function or as bars."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The ray and point queries of a tree, over batches of any size."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fields of a render as JSON, and the image that comes back."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rays of a lidar whose beams have given elevations, with the angles of spherical renders."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The measured speed and accuracy of every build and precision on a mesh, as a table."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """HTTP to one server: connections are kept alive, and requests are repeated where that is safe.
 
 Every request of the contract is safe to repeat: queries and pictures change nothing, an upload and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A tree on a server: what it is, ray and point queries, pictures. All methods are thread-safe."""
 from __future__ import annotations
 

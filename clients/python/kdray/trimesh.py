@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """trimesh's ray queries, answered by a kdray server: `mesh.ray = RayMeshIntersector(mesh)`.
 
 The methods, shapes, dtypes and miss values are those of `trimesh.ray.ray_triangle` and

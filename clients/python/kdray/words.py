@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The words of the contract, for type checkers and editors. The server knows which there are."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The simplest structure: one bounding box, then every triangle (George Tang, "Acceleration
 // Structures", 2019, section 1). `auto` uses it for tiny meshes.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Builds a BoxList, and computes its statistics.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Builds a Bvh by the binned surface area heuristic.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cuts at evenly spaced planes: what a large node can afford.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The two split rules of the lecture note (George Tang, "Acceleration Structures", 2019, section
 // 4). Both use the centroids of the triangles and take the axes in turn.
 #pragma once

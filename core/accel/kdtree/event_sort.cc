@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/accel/kdtree/event_sort.h"
 
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The common data of a kd-tree build's parts, and the tasks that a node gives to its children.
 #pragma once
 

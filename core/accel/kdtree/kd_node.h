@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Eight bytes of kd-tree: an interior node or a leaf. The bit packing stays in here.
 #pragma once
 

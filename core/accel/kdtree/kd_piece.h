@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The parts of an unfinished kd-tree: subtrees that are built separately, then assembled.
 #pragma once
 

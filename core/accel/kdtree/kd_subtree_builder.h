@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Builds one subtree of a kd-tree on one thread.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The kd-tree of all four kd builds, and its traversal (George Tang, "Acceleration Structures",
 // 2019, Algorithm 2).
 #pragma once

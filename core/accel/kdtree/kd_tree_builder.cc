@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/accel/kdtree/kd_tree_builder.h"
 
 #include <algorithm>

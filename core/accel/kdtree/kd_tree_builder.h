@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Builds a KdTree. The upper part, whose nodes are large, is built here in parallel;
 // KdSubtreeBuilder (kd_subtree_builder.h) builds the subtrees below, each on one thread.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Distributes a kd-tree node's triangles to its children.
 #pragma once
 

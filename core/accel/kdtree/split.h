@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Candidate splits of a kd-tree node, and the choice among them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Builds a small subtree with the exact candidates of the surface area heuristic.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cuts at the ends of the references: all that can be best.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Converts a binary structure to its wide form.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The form of every structure in which it is traversed: the same tree with up to eight children per
 // node, laid out for SIMD. core/accel/wide/collapse.h makes it; the kernels (core/kernel) know no
 // other form.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The search of the precision `exact`: ExactIntersection's filter on four triangles at once.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The search for all crossings of a ray in the precision `exact`.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The hits of the precision `exact`: t and the weights, rounded to the nearest doubles, for several
 // rays at once.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Filters in float for a block's eight triangles; they never drop a triangle that the triangle
 // intersection accepts.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The frustum kernel: takes a packet of 64 rays from one origin, or towards one target, through the
 // tree as one. Nodes are culled for all rays by intervals, triangles for each group of 16 rays by
 // rectangles, then for each ray by edges; the remaining pairs are tested 16 at a time.

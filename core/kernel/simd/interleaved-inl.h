@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The interleaved kernel: keeps 16 rays in flight and advances each by one step in turn. A single
 // ray waits for memory and mispredicted branches at every step; with 16 rays the waits overlap. For
 // unrelated rays.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The instruction set that the -inl.h headers of this folder are compiled for. Each isa_*.cc names
 // one before it includes them, so a header read there is compiled for that set alone, in a
 // namespace of its own; read anywhere else it is compiled for the baseline.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #ifdef __x86_64__
 #define KDRAY_ISA_AVX512
 #include "core/kernel/simd/kernels-inl.h"

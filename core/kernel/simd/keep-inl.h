@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a search keeps of the hits that it is offered: the closest one, for `closest` and `any`, or
 // all, for `count` and `all`.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One step of a single ray: a node's eight boxes at once.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Packets of the frustum kernel: 64 close rays from one origin; or towards one target, as shadow
 // rays to a lamp, which is then treated as the origin.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The hits of a packet's rays, and the triangle intersections on 16 lanes, each a pair of a ray and
 // a triangle.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Prepares rays together, in lanes as rays-inl.h does for one.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A ray's constants for culling and for the filters, in float.
 #pragma once
 

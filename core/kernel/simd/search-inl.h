@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One ray's search for its hits: the decisions on blocks of triangles. A search is reused for one
 // ray after the other: Begin; Test for each block that the ray meets, with the lanes that may be
 // hit; then its Answers::Add, which may delay the hit until Answers::Flush. What it keeps of the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stream kernel: takes up to 64 rays of one octant, with different origins, through the tree
 // together. A node or a block of triangles is loaded once for all rays. Where many rays of 16 are
 // at a node they are tested against one box after the other, elsewhere each ray against the eight

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Vectors of 8 and 16 floats and 8 doubles, the widths of the data (WideNode, LeafBlock, packets of
 // rays), in one, two or four registers of the target.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The walk of a wide tree to a point's closest triangle: eight boxes, and eight triangles, at once.
 #pragma once
 

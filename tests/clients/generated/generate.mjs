@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Runs the generators: node generate.mjs OPENAPI.json OUTPUT
 // The packages are those of the folder that it is started in.
 import { createRequire } from 'node:module';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The client of @hey-api/openapi-ts: node hey_api.js URL MESH
 import { readFileSync } from 'node:fs';
 import * as kdray from './hey';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // openapi-fetch with the types of openapi-typescript: node openapi_fetch.js URL MESH
 import { readFileSync } from 'node:fs';
 import createClient from 'openapi-fetch';

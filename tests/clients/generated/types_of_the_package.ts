@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What kdray.d.ts declares is what clients/js/src has: the code's types must fit the declared ones.
 // tsc checks it; nothing runs. The second part is what users write.
 import type * as declared from '../../../clients/js/kdray.js';

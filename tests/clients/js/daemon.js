@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The real kdrayd on a free port with a data directory of its own. $KDRAYD is the program.
 import { spawn } from 'node:child_process';
 import { mkdtemp, rm } from 'node:fs/promises';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ray and point queries against a real daemon; brute force over all triangles is the oracle.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The example of the package's README, run as it is written.
 import assert from 'node:assert/strict';
 import { readFile, writeFile } from 'node:fs/promises';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pictures, arrays, scans and the trade-off, against a real daemon and brute force.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';

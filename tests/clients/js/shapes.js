@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Meshes, random numbers, and brute force over all triangles in double: the oracle.
 
 /** Mulberry32: the same numbers in every run. $KDRAY_SEED overrides the seed. */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the client does when answers are late, missing, broken or refusals: against a server of the
 // test, which answers as told.
 import assert from 'node:assert/strict';

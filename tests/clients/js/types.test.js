@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // kdray.d.ts names what the contract names: fields, enumerations, and the members of descriptions.
 import assert from 'node:assert/strict';
 import { readFile } from 'node:fs/promises';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Uploads and the list of trees, against a real daemon.
 import assert from 'node:assert/strict';
 import { createHash } from 'node:crypto';

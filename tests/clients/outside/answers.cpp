@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every typed batch of the library on the sample cube, and an error; install_test.py knows the
 // answers.
 #include <kdray/batches.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whole answers, encoded in one call or in blocks as a backend sends them.
 #pragma once
 

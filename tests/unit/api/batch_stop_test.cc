@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reading a large JSON batch ends soon after it is told to stop. (Arrays are read block by block,
 // by the backend, which looks between.)
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // .npy files built by hand, right and wrong ones.
 #pragma once
 

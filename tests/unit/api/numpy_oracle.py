@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """numpy's side of numpy_test.cc.
 
   numpy_oracle.py write FOLDER SEED   N.npy files of every form, each with the same rows as doubles in C order in N.rows

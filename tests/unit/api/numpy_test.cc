@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What numpy writes is read here, and what is written here numpy reads. Skipped, with a message,
 // where numpy is absent.
 

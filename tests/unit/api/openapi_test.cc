@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // openapi.yaml is what clients are written from, the tables are what requests are read with: this
 // compares the two, and the examples with the code that writes and reads them.
 

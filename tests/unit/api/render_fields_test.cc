@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every field of a render request: values, defaults, refusals, and the modes that use it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "api/tree_id.h"
 
 #include <gtest/gtest.h>

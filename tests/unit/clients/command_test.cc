@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `kdray` as a whole, in this process, against the fake service.
 #include "clients/cpp/command/command.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/unit/clients/fake_service.h"
 
 #include <httplib.h>

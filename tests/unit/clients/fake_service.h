@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A stand-in for kdrayd that speaks the contract's words without tracing anything: for tests of
 // what a client sends and of what it makes of the answers. The real daemon is met in tests/clients.
 #pragma once

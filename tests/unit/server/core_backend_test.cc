@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The backend in the contract's words, on real meshes and a disk of its own.
 #include "server/core_backend.h"
 

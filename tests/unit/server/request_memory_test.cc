@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Who gets the memory of requests, and who has to give way.
 #include "server/request_memory.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The service without a socket: what it does around every handler, and what it asks before it reads
 // a body.
 #include "server/service.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Uploads with a Content-Encoding, without a socket. Streams are made by zlib and libzstd.
 #include "server/upload_body.h"
 

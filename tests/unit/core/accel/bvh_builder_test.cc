@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/accel/bvh/bvh_builder.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Candidates for cuts: each finder against counting anew for every plane.
 #include "core/accel/kdtree/split.h"
 

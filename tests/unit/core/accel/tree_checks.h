@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Checks of finished trees against the mesh, by walking them in the plainest way.
 #pragma once
 

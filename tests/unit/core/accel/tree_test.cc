@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every build on every kind of mesh: the structure holds what its traversal relies on.
 #include "core/accel/tree.h"
 

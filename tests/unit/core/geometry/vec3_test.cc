@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The arithmetic is what it says, whatever the compiler makes of it.
 #include "core/geometry/vec3.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/intersect/exact_intersection.h"
 
 #include <gmpxx.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reading a mesh file ends soon after its cancellation, however long its longest row, blank or
 // number is.
 #include <gtest/gtest.h>

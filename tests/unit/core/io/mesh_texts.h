@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small mesh files written inside the tests.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Polygons that were grown until they touch themselves: what the triangles cover, against exact
 // areas.
 #include <gtest/gtest.h>

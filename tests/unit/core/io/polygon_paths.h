@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Paths of corners on a grid, which may touch themselves, and what their triangles have to cover.
 #pragma once
 

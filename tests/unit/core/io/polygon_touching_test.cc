@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Polygons that touch themselves: what the triangles cover, against exact areas and winding
 // numbers.
 #include <gtest/gtest.h>

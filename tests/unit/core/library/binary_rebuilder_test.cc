@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Binary trees that are made again for cells: once for all who ask, in memory that is reserved.
 #include "core/library/binary_rebuilder.h"
 

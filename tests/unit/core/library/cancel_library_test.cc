@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A deletion and a shutdown end the reading and writing of stored files, and nothing that was cut
 // off is taken for damaged.
 #include <gtest/gtest.h>

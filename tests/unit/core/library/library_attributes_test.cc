@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Attributes of stored meshes: read when they are first named, once for all who ask, and dropped
 // with their mesh.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Trees with their binary trees, as cells need them: loaded, made and paid for.
 #include <gtest/gtest.h>
 

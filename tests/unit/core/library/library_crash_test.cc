@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is left of a TreeLibrary's work after crashes and failures at every operation of its disk.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a TreeLibrary does about damaged files, full and read-only disks.
 #include <gtest/gtest.h>
 

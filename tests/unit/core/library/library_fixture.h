@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A TreeLibrary on a simulated disk, and what its tests do with it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a library measures on its meshes, and how long it keeps it.
 #include <gtest/gtest.h>
 

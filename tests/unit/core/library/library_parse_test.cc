@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a mesh takes in memory is reserved from its counts before it is parsed.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a library has answered holds after a restart, whatever the disk did meanwhile: lives with
 // faults at random and all their restarts, against a model of what was promised.
 #include <gtest/gtest.h>

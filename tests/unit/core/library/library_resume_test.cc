@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Builds that were cut off resume at the next start, but not for ever: one that ends the process
 // each time waits until somebody asks for its tree.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a start makes of a data directory that is not as it was left: another owner, a disk that is
 // not mounted, links, meshes without records and records without meshes.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which files a TreeLibrary gives up when its store is full.
 #include <gtest/gtest.h>
 

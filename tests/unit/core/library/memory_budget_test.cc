@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Who gets memory, who waits for it, and how long.
 #include "core/library/memory_budget.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Compares the expected memory of a mesh file with its real peak.
 #include <gtest/gtest.h>
 

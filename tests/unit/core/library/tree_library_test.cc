@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ids from upload to deletion, and one build however many ask.
 #include "core/library/tree_library.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The state machine of trees, event by event, without disk, threads or waiting.
 #include "core/library/tree_registry.h"
 

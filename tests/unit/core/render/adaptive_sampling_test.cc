@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Images whose pixels decide how many samples they take.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ambient occlusion, against form factors.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The modes of one sample a pixel against closed forms and the trace, and all modes against their
 // own regions.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The default number of samples, and the pixel filter: silhouettes are smooth, regions join.
 #include <gtest/gtest.h>
 

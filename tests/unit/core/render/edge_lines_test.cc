@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lines of edges against where the edges of simple meshes must appear.
 #include "core/render/edge_lines.h"
 

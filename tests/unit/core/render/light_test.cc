@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shading by lights and shadows, against closed forms.
 #include "core/render/light.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The renderer against a second maker of pictures (tests/support/rasterizer.h): the same depth and
 // the same triangle in every pixel.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Normals and colours of the file in shaded images.
 #include <gtest/gtest.h>
 

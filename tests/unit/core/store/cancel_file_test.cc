@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reading and writing stored files ends soon after its cancellation. A write that is cut off leaves
 // no file, and a read that is cut off says nothing about the file.
 #include <gtest/gtest.h>

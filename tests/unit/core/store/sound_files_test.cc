@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stored meshes are hashed once, and again when they may have changed.
 #include "core/store/sound_files.h"
 

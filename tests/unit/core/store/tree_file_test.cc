@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stored meshes and trees: what comes back is bit for bit what was written, and whatever was done
 // to a file is noticed.
 #include "core/store/tree_file.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The measure that compares pictures, checked against its paper's statements.
 #include "tests/support/flip.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tests' own reader of glTF (tests/support/gltf_mesh.h), on files made here and on the
 // collection.
 #include "tests/support/gltf_mesh.h"

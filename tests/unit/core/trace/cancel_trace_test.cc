@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ray queries end soon after their cancellation, whatever one ray costs: tokens are cancelled while
 // the call works.
 #include <gtest/gtest.h>

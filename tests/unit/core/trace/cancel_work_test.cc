@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What works on meshes, trees and pictures ends soon after its cancellation: tokens are cancelled
 // while the call works.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Batches of rays and points in memory, with typed answers. Client::Query takes and gives bytes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The kdray service as functions: one for each endpoint that the command uses.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A value of a JSON answer, read leniently. Only its .cc knows the JSON library.
 #pragma once
 

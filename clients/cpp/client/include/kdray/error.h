@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The exceptions of the client library. `kdray` prints what() and ends.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bytes to send: a file, standard input, memory, or pieces of these in a row.
 #pragma once
 

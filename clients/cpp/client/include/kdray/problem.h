@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The service's errors: application/problem+json (RFC 9457) with kdray's own fields.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // HTTP exchanges with one server, one at a time. Only its .cc includes cpp-httplib.
 #pragma once
 

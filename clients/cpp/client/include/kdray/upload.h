@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Creates the tree of a mesh on the server, sending as little as possible.
 #pragma once
 
