@@ -206,22 +206,29 @@ TEST_F(ServiceOverHttp, DrainsBeforeItEnds) {
 }
 
 TEST_F(SmallService, AnswersAtTheLimitsAndRefusesBeyond) {
-  EXPECT_EQ(running_.Ask("POST", "/v1/trees", std::string(100, 'm')).status, 201);
-  EXPECT_EQ(running_.Code("POST", "/v1/trees", std::string(101, 'm')), "mesh_too_large");
-  EXPECT_EQ(running_.Ask("POST", Tree("/rays/any"), NpyRays(std::vector<float>(18, 1))).status,
-            200);
-  EXPECT_EQ(running_.Code("POST", Tree("/rays/any"), NpyRays(std::vector<float>(24, 1))),
+  // The memory of a request is returned just after its answer was sent.
+  const auto ask = [&](const std::string& method, const std::string& target,
+                       const std::string& body = "") {
+    WaitFor([&] { return running_.service().request_memory_used() == 0; });
+    return running_.Ask(method, target, body);
+  };
+  const auto code = [&](const std::string& method, const std::string& target,
+                        const std::string& body = "") {
+    return RunningService::CodeOf(ask(method, target, body));
+  };
+  EXPECT_EQ(ask("POST", "/v1/trees", std::string(100, 'm')).status, 201);
+  EXPECT_EQ(code("POST", "/v1/trees", std::string(101, 'm')), "mesh_too_large");
+  EXPECT_EQ(ask("POST", Tree("/rays/any"), NpyRays(std::vector<float>(18, 1))).status, 200);
+  EXPECT_EQ(code("POST", Tree("/rays/any"), NpyRays(std::vector<float>(24, 1))), "too_many_rays");
+  EXPECT_EQ(code("POST", Tree("/rays/any"),
+                 "{\"rays\":[[1,1,1,1,1,1],[1,1,1,1,1,1],[1,1,1,1,1,1],[1,1,1,1,1,1]]}"),
             "too_many_rays");
-  EXPECT_EQ(running_.Code("POST", Tree("/rays/any"),
-                          "{\"rays\":[[1,1,1,1,1,1],[1,1,1,1,1,1],[1,1,1,1,1,1],[1,1,1,1,1,1]]}"),
-            "too_many_rays");
-  EXPECT_EQ(running_.Code("POST", Tree("/rays/any"), std::string(4096 + 3 * 200 + 1, ' ')),
+  EXPECT_EQ(code("POST", Tree("/rays/any"), std::string(4096 + 3 * 200 + 1, ' ')),
             "body_too_large");
-  EXPECT_EQ(running_.Ask("GET", Tree("/render.png?width=10&height=10")).status, 200);
-  EXPECT_EQ(running_.Code("GET", Tree("/render.png?width=10&height=11")), "image_too_large");
-  EXPECT_EQ(running_.Code("GET", Tree("/render.png?width=20000&height=1")), "image_too_large");
-  EXPECT_EQ(running_.Ask("GET", Tree("/render.png?width=10&height=11&region=0,0,10,10")).status,
-            200);
+  EXPECT_EQ(ask("GET", Tree("/render.png?width=10&height=10")).status, 200);
+  EXPECT_EQ(code("GET", Tree("/render.png?width=10&height=11")), "image_too_large");
+  EXPECT_EQ(code("GET", Tree("/render.png?width=20000&height=1")), "image_too_large");
+  EXPECT_EQ(ask("GET", Tree("/render.png?width=10&height=11&region=0,0,10,10")).status, 200);
 }
 
 TEST_F(SmallService, QueuesAsManyAsItSaysAndRefusesTheRestAtOnce) {
