@@ -390,6 +390,20 @@ class Help(ContractTest):
         formats = re.search(r"a mesh \(([\w, ]+);", readme)[1]
         self.assertEqual(formats.lower().split(", "), self.capabilities["formats"])
 
+    def test_the_packages_name_what_the_contract_has(self):
+        schemas = self.contract.document["components"]["schemas"]
+        python = (ROOT / "clients/python/kdray/words.py").read_text()
+        typescript = (ROOT / "clients/js/kdray.d.ts").read_text()
+        page = (ROOT / "clients/page/tradeoff_plot.js").read_text()
+
+        def names(text, pattern):
+            return re.findall(r"['\"]([\w-]+)['\"]", re.search(pattern, text, re.DOTALL)[1])
+
+        for word in ("Build", "Precision"):
+            self.assertEqual(names(python, rf"\n{word} = Literal\[(.*?)\]"), schemas[word]["enum"])
+            self.assertEqual(names(typescript, rf"export type {word} = (.*?);"), schemas[word]["enum"])
+        self.assertEqual(["auto", *names(page, r"const PRECISIONS = \[(.*?)\]")], schemas["Precision"]["enum"])
+
     def test_the_daemons_help_tells_its_defaults(self):
         options = self.options(KDRAYD)
         limits = self.capabilities["limits"]
