@@ -37,6 +37,11 @@ export interface ClientOptions {
   parallel?: number;
   /** How often a request is repeated; default 4. */
   retries?: number;
+  /**
+   * The trace of the requests (W3C Trace Context), or a function that returns the present one.
+   * Servers log it beside the request's id.
+   */
+  traceparent?: string | (() => string | undefined);
   /** In place of globalThis.fetch. */
   fetch?: typeof fetch;
 }
@@ -344,9 +349,13 @@ export declare class KdrayError extends Error {
   requestId: string | undefined;
 }
 
-/** There was no answer, or it broke off, in every try; `cause` is that of the last. */
+/**
+ * There was no answer, or it broke off, in every try; `cause` is that of the last. The log of a
+ * server that got the request has `requestId`.
+ */
 export declare class ConnectionError extends Error {
-  constructor(url: string, cause: unknown);
+  constructor(url: string, cause: unknown, requestId?: string | null);
+  requestId: string | undefined;
 }
 
 /** The bytes of a binary PLY file: what upload() sends for { vertices, faces }. */

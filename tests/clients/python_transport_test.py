@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Python package kdray against servers that misbehave: python_transport_test.py"""
+import contextvars
 import io
+import os
+import re
 import shutil
 import socket
 import ssl
@@ -11,6 +14,7 @@ import threading
 import time
 import unittest
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 
@@ -20,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent.parent / "clients/
 import kdray  # noqa: E402
 
 ID = "a" * 64 + "-auto"
+TRACE = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01"
 TREE = {"id": ID, "state": "ready", "progress": 1, "mesh": {"sha256": "a" * 64, "bytes": 1}}
 INFO = {
     "name": "kdray",
@@ -195,6 +200,63 @@ class PythonTransportTest(unittest.TestCase):
         self.assertLess(time.monotonic() - began, 5)
 
     @unittest.skipUnless(shutil.which("openssl"), "openssl is not installed")
+    def headers_of(self, server, name):
+        """The values of a header in the requests, in order; None where it is absent."""
+        found = (re.search(rf"^{name}: (.*?)\r$", head, re.MULTILINE | re.IGNORECASE)
+                 for head in server.requests)
+        return [match and match[1] for match in found]
+
+    def test_repetitions_keep_the_id_of_their_request_and_errors_name_it(self):
+        busy = say(503, BUSY, headers=["Retry-After: 0"])
+        server, client = self.ask(say(200, TREE), hang_up, busy, say(200, TREE), say(200, TREE))
+        client.tree(ID)
+        client.tree(ID)
+        client.tree(ID)
+        ids = self.headers_of(server, "X-Request-Id")
+        self.assertRegex(ids[0], "^kdray-[0-9a-f]{12}$")
+        self.assertEqual(len(ids), 5)
+        self.assertEqual(ids[1:4], [ids[1]] * 3)
+        self.assertEqual(len(set(ids)), 3)
+        server, client = self.ask(*[hang_up] * 5, retry_s=0)
+        with self.assertRaisesRegex(kdray.ConnectionFailed, "request kdray-[0-9a-f]{12}") as failed:
+            client.tree(ID)
+        self.assertIn(self.headers_of(server, "X-Request-Id")[0], str(failed.exception))
+
+    def test_the_trace_of_the_caller_goes_with_every_request(self):
+        def traces(count, **options):
+            server, client = self.ask(*[say(200, TREE)] * count, **options)
+            for _ in range(count):
+                client.tree(ID)
+            return self.headers_of(server, "traceparent")
+
+        with mock.patch.dict(os.environ):
+            os.environ.pop("TRACEPARENT", None)
+            self.assertEqual(traces(1), [None])
+            self.assertEqual(traces(2, traceparent=TRACE), [TRACE] * 2)
+            given = iter([TRACE, None, "what is no trace\r\nX-Evil: 1"])
+            self.assertEqual(traces(3, traceparent=lambda: next(given)), [TRACE, None, None])
+            for wrong in ("", "00-1-2-3", TRACE + "\n", TRACE.replace("4bf", "4BF"),
+                          f"00-{'0' * 32}-{'1' * 16}-01", f"00-{'1' * 32}-{'0' * 16}-01"):
+                with self.assertRaisesRegex(ValueError, "traceparent"):
+                    kdray.Client("http://127.0.0.1", traceparent=wrong)
+            os.environ["TRACEPARENT"] = TRACE
+            self.assertEqual(traces(1), [TRACE])
+            self.assertEqual(traces(1, traceparent=lambda: None), [None])
+            os.environ["TRACEPARENT"] = "another program's"
+            self.assertEqual(traces(1), [None])
+
+    def test_the_parts_of_a_batch_are_of_the_callers_trace(self):
+        present = contextvars.ContextVar("present", default=None)
+        server, client = self.ask(
+            say(200, TREE), say(200, INFO), *[say(200, hits(8))] * 3,
+            traceparent=lambda: present.get(),
+        )
+        tree = client.tree(ID)
+        present.set(TRACE)
+        tree.closest(np.ones((24, 6)), "t")
+        self.assertEqual(self.headers_of(server, "traceparent"), [None] + [TRACE] * 4)
+        self.assertEqual(len(set(self.headers_of(server, "X-Request-Id"))), 5)
+
     def test_https_checks_the_certificate(self):
         with tempfile.TemporaryDirectory() as folder:
             key, certificate = f"{folder}/key.pem", f"{folder}/certificate.pem"

@@ -52,11 +52,13 @@ export class KdrayError extends Error {
 
 /** There was no answer, or it broke off, in every try. */
 export class ConnectionError extends Error {
-  /** @param {string} url @param {unknown} cause */
-  constructor(url, cause) {
+  /** @param {string} url @param {unknown} cause @param {string | null} [requestId] */
+  constructor(url, cause, requestId) {
     const reason = innermost(cause);
     super(`no answer from ${url}${reason && `: ${reason}`}`, { cause });
     this.name = 'ConnectionError';
+    /** @type {string | undefined} Servers that the request reached have it in their logs. */
+    this.requestId = requestId ?? undefined;
   }
 }
 

@@ -9,6 +9,7 @@ import { ConnectionError, KdrayError } from './errors.js';
 
 const FIRST_PAUSE_MS = 100;
 const LONGEST_PAUSE_MS = 10_000;
+const TRACEPARENT = /^00-(?!0{32})[0-9a-f]{32}-(?!0{16})[0-9a-f]{16}-[0-9a-f]{2}$/;
 
 /** @typedef {{status: number, headers: Headers, bytes: ArrayBuffer}} Answer */
 /**
@@ -31,11 +32,18 @@ export class Transport {
    * @param {string | URL} url
    * @param {import('../kdray.js').ClientOptions} options
    */
-  constructor(url, { token, retries = 4, fetch: ownFetch } = {}) {
+  constructor(url, { token, retries = 4, fetch: ownFetch, traceparent } = {}) {
     this.base = new URL(url);
     this.base.pathname = this.base.pathname.replace(/\/*$/, '/'); // a proxy may add a path
     this.token = token;
     this.retries = retries;
+    if (typeof traceparent === 'string' && !TRACEPARENT.test(traceparent)) {
+      throw new TypeError(
+        `the traceparent '${traceparent}' is invalid; it has the form 00-TRACE-SPAN-FLAGS with 32, ` +
+          '16 and 2 lower-case hexadecimal digits',
+      );
+    }
+    this.traceparent = traceparent;
     this.fetch = ownFetch ?? globalThis.fetch.bind(globalThis);
   }
 
@@ -69,7 +77,7 @@ export class Transport {
         answer = await send(url, initOf(method, headers, body, own.signal));
       } catch (error) {
         signal?.throwIfAborted();
-        if (last) throw new ConnectionError(url, error);
+        if (last) throw new ConnectionError(url, error, headers.get('X-Request-Id'));
         await pause(pauseMs(attempt), signal);
         continue;
       } finally {
@@ -95,7 +103,7 @@ export class Transport {
     }
   }
 
-  /** @param {RequestOptions} options */
+  /** Of all repetitions of a request: its id stays. @param {RequestOptions} options */
   async headers({ type, accept, digest }) {
     const token = typeof this.token === 'function' ? await this.token() : this.token;
     const headers = new Headers();
@@ -103,6 +111,9 @@ export class Transport {
     if (accept) headers.set('Accept', accept);
     if (digest) headers.set('Content-Digest', digest);
     if (token) headers.set('Authorization', `Bearer ${token}`);
+    headers.set('X-Request-Id', newRequestId());
+    const trace = typeof this.traceparent === 'function' ? this.traceparent() : this.traceparent;
+    if (trace && TRACEPARENT.test(trace)) headers.set('traceparent', trace); // tracing fails nothing
     return headers;
   }
 
@@ -111,6 +122,12 @@ export class Transport {
     const response = await this.fetch(url, init);
     return { status: response.status, headers: response.headers, bytes: await response.arrayBuffer() };
   }
+}
+
+/** crypto.randomUUID is missing in pages without TLS, and Math.random is enough for a log. */
+function newRequestId() {
+  const digits = () => Math.floor(Math.random() * 2 ** 24).toString(16).padStart(6, '0');
+  return `kdray-${digits()}${digits()}`;
 }
 
 /**

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import collections
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextvars import Context, copy_context
 from dataclasses import dataclass
 from typing import Callable, Deque, Generator, List, Optional, Tuple, TypeVar
 
@@ -72,7 +73,11 @@ def blocks(
         for start in range(0, count, rows):
             if len(waiting) > parallel:  # bounds the answers that wait for their turn
                 yield from first_of(waiting)
-            waiting.append(pool.submit(ask_halving, ask, start, min(start + rows, count), flight))
+            waiting.append(
+                pool.submit(
+                    as_caller, copy_context(), ask, start, min(start + rows, count), flight
+                )
+            )
         while waiting:
             yield from first_of(waiting)
     except BaseException:
@@ -93,6 +98,17 @@ def first_of(waiting: Deque["Future[List[Block[Part]]]"]) -> List[Block[Part]]:
                 future.result()
         wait(pending, return_when=FIRST_COMPLETED)
     return waiting.popleft().result()
+
+
+def as_caller(
+    context: Context,
+    ask: Callable[[int, int, Flight], Part],
+    start: int,
+    stop: int,
+    flight: Flight,
+) -> List[Block[Part]]:
+    """ask_halving in the context of the caller, where its tracing looks for the present span."""
+    return context.run(lambda: ask_halving(ask, start, stop, flight))
 
 
 def ask_halving(

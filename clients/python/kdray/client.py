@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, Iterator, Mapping, Optional
 from .errors import Problem
 from .meshes import MeshLike, Source
 from .progress import ProgressLike, Reporter
-from .transport import Answer, Body, Flight, Parameter, Transport
+from .transport import Answer, Body, Flight, Parameter, TraceLike, Transport
 from .tree import Tree
 from .words import Build
 
@@ -34,6 +34,8 @@ class Client:
     stall_s: a server that sends nothing for this long, beyond the time of the request's own work,
     is given up.
     ssl_context: for https with certificates of your own.
+    traceparent: the trace of the requests (W3C Trace Context), or a function that returns the
+    present one; default TRACEPARENT, at each request. Servers log it beside the request's id.
     """
 
     def __init__(
@@ -46,6 +48,7 @@ class Client:
         retry_s: float = 60.0,
         stall_s: float = 60.0,
         ssl_context: Optional[ssl.SSLContext] = None,
+        traceparent: TraceLike = None,
     ) -> None:
         if parallel < 1:
             raise ValueError(f"parallel must be at least 1, not {parallel}")
@@ -57,8 +60,11 @@ class Client:
         self.parallel = parallel
         self._token = token if token is not None else os.environ.get("KDRAY_TOKEN") or None
         self._settings = (retry_s, stall_s)
+        self._traceparent = traceparent if isinstance(traceparent, str) else None
         url = url or os.environ.get("KDRAY_SERVER") or DEFAULT_URL
-        self._transport = Transport(url, self._token, ssl_context, stall_s, retry_s)
+        self._transport = Transport(
+            url, self._token, ssl_context, stall_s, retry_s, traceparent
+        )
         self._info: Optional[Dict[str, Any]] = None
 
     @property
@@ -143,7 +149,8 @@ class Client:
         return f"<kdray.Client {self.url}>"
 
     def __getstate__(self) -> Dict[str, Any]:
-        # Connections stay behind; an ssl_context cannot be pickled, so https gets the default one.
+        # Connections stay behind. An ssl_context and a function for the trace cannot be pickled, so
+        # the defaults take their places.
         retry_s, stall_s = self._settings
         progress = self.progress if self.progress in (None, True, False) else None
         return {
@@ -153,6 +160,7 @@ class Client:
             "parallel": self.parallel,
             "retry_s": retry_s,
             "stall_s": stall_s,
+            "traceparent": self._traceparent,
         }
 
     def __setstate__(self, state: Dict[str, Any]) -> None:

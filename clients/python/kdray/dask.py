@@ -16,6 +16,7 @@ next server. The workers need this package and the way to the servers.
 from __future__ import annotations
 
 import collections
+import dataclasses
 import os
 import warnings
 from contextlib import nullcontext
@@ -45,6 +46,7 @@ from .npy import Array, as_rows, join
 from .picture import Picture
 from .progress import ProgressLike, Reporter
 from .rendering import render_fields
+from .transport import TraceLike, trace_of
 from .words import ArrayMode, Build
 
 __all__ = ["Servers", "SpreadTree"]
@@ -63,7 +65,8 @@ class Servers:
 
     cluster: a `distributed.Client`. urls: the servers; or one, that of a proxy before them.
     token: default KDRAY_TOKEN. chunk_rows: rows of a task. patience_s: how long a request is
-    repeated if no server takes it.
+    repeated if no server takes it. traceparent: as of `kdray.Client`; a batch or picture is of one
+    trace, on all workers and servers.
     """
 
     def __init__(
@@ -75,6 +78,7 @@ class Servers:
         chunk_rows: int = CHUNK_ROWS,
         tile_px: int = TILE_PX,
         patience_s: float = PATIENCE_S,
+        traceparent: TraceLike = None,
     ) -> None:
         if isinstance(urls, str) or not urls:
             raise ValueError(f"urls must be a list of at least one server, not {urls!r}")
@@ -87,6 +91,7 @@ class Servers:
         self.chunk_rows = chunk_rows
         self.tile_px = tile_px
         token = token if token is not None else os.environ.get("KDRAY_TOKEN") or None
+        self._trace = trace_of(traceparent)
         self._access = Access(tuple(url.rstrip("/") for url in urls), token, patience_s)
 
     @property
@@ -98,7 +103,9 @@ class Servers:
     ) -> "SpreadTree":
         """The tree of a mesh, on every server; nothing is sent to one that has it."""
         trees = [
-            Client(url, token=self._access.token, progress=progress).upload(mesh, build=build)
+            Client(
+                url, token=self._access.token, progress=progress, traceparent=self._trace
+            ).upload(mesh, build=build)
             for url in self.urls
         ]
         return self.tree(trees[0].id)
@@ -112,13 +119,14 @@ class Servers:
     ) -> Generator[Tuple[int, Any], None, None]:
         """The numbers and results of tasks, in order. A bounded number of them is in work."""
         most = max(4, 2 * sum(self.cluster.nthreads().values()))
+        access = dataclasses.replace(self._access, traceparent=self._trace())
         waiting: Deque[Tuple[int, Any]] = collections.deque()
         try:
             for number, make in enumerate(tasks):
                 if len(waiting) >= most:
                     yield self._first(waiting)
                 waiting.append(
-                    (number, self.cluster.submit(perform, self._access, make(number), pure=False))
+                    (number, self.cluster.submit(perform, access, make(number), pure=False))
                 )
             while waiting:
                 yield self._first(waiting)

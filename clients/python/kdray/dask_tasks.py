@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any, Dict, Optional, Tuple
 
@@ -26,6 +27,7 @@ class Access:
     urls: Tuple[str, ...]
     token: Optional[str] = field(repr=False)  # Dask logs the arguments of tasks that fail
     patience_s: float
+    traceparent: Optional[str] = None
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,7 @@ class Task:
 _lock = threading.Lock()
 _clients: Dict[Tuple[str, Optional[str]], Client] = {}
 _avoided: Dict[str, float] = {}  # until when
+_trace: ContextVar[Optional[str]] = ContextVar("kdray_trace", default=None)
 
 
 def client_of(url: str, token: Optional[str]) -> Client:
@@ -66,12 +69,20 @@ def client_of(url: str, token: Optional[str]) -> Client:
     with _lock:
         key = (url, token)
         if key not in _clients:
-            _clients[key] = Client(url, token=token or "", parallel=1, retry_s=0, stall_s=STALL_S)
+            _clients[key] = Client(
+                url,
+                token=token or "",
+                parallel=1,
+                retry_s=0,
+                stall_s=STALL_S,
+                traceparent=_trace.get,
+            )
         return _clients[key]
 
 
 def perform(access: Access, task: Task) -> Any:
     """The result of a task, from the first server that gives it."""
+    _trace.set(access.traceparent)
     rows = task.rows if task.source is None else task.source.read()
     start = task.number % len(access.urls)
     give_up = time.monotonic() + access.patience_s

@@ -10,6 +10,8 @@ import base64
 import http.client
 import os
 import random
+import re
+import secrets
 import ssl
 import threading
 import time
@@ -24,9 +26,12 @@ Buffer = Union[bytes, bytearray, memoryview]
 Parameter = Union[None, bool, int, float, str]
 
 CONNECT_S = 10.0
+TraceLike = Union[None, str, Callable[[], Optional[str]]]
+
 MAX_BROKEN = 4  # connections that break in a row, for one request
 MAX_IDLE = 16  # connections kept
 FIRST_PAUSE_S = 0.1
+TRACEPARENT = re.compile(r"00-(?!0{32})[0-9a-f]{32}-(?!0{16})[0-9a-f]{16}-[0-9a-f]{2}")
 
 
 @dataclass(frozen=True)
@@ -108,8 +113,34 @@ def parameter_text(value: Any) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
+def trace_of(given: TraceLike) -> Callable[[], Optional[str]]:
+    """A function for the `traceparent` (W3C Trace Context) of a request; None sends none.
+
+    Only a text that was given as an argument is an error if it is invalid: tracing fails no
+    request.
+    """
+    if isinstance(given, str):
+        if TRACEPARENT.fullmatch(given) is None:
+            raise ValueError(
+                f"the traceparent {given!r} is invalid; it has the form 00-TRACE-SPAN-FLAGS with "
+                "32, 16 and 2 lower-case hexadecimal digits"
+            )
+        text: str = given
+        return lambda: text
+    source = given if given is not None else lambda: os.environ.get("TRACEPARENT")
+
+    def checked() -> Optional[str]:
+        found = source()
+        return found if found and TRACEPARENT.fullmatch(found) else None
+
+    return checked
+
+
 class Transport:
-    """Requests to the server at `url`. Safe from many threads at once, and after a fork."""
+    """Requests to the server at `url`. Safe from many threads at once, and after a fork.
+
+    Each request has an id of its own (X-Request-Id), which its repetitions keep.
+    """
 
     def __init__(
         self,
@@ -118,7 +149,9 @@ class Transport:
         context: Optional[ssl.SSLContext],
         stall_s: float,
         retry_s: float,
+        traceparent: TraceLike = None,
     ) -> None:
+        self._trace = trace_of(traceparent)
         parts = urlsplit(url)
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise ValueError(f"the server {url!r} is not of the form http://HOST:PORT")
@@ -168,6 +201,11 @@ class Transport:
         target = self._prefix + path
         if query:
             target += "?" + urlencode(query, quote_via=quote, safe=",")
+        request_id = f"kdray-{secrets.token_hex(6)}"
+        headers = {**self._headers, "X-Request-Id": request_id}
+        trace = self._trace()
+        if trace is not None:
+            headers["traceparent"] = trace
         give_up = time.monotonic() + self._retry_s
         broken = refused = 0
         was_lost = False  # the server may have done what was asked
@@ -178,7 +216,7 @@ class Transport:
                     flight.add(connection)
                 try:
                     answer, is_kept = self._exchange(
-                        connection, method, target, body, work_s, on_sent, flight
+                        connection, method, target, headers, body, work_s, on_sent, flight
                     )
                 finally:
                     if flight is not None:
@@ -186,7 +224,7 @@ class Transport:
             except TimeoutError:
                 connection.close()
                 raise ConnectionFailed(
-                    f"{self.url} was silent for too long ({method} {path})"
+                    f"{self.url} was silent for too long ({method} {path}, request {request_id})"
                 ) from None
             except (OSError, http.client.HTTPException) as error:
                 connection.close()
@@ -199,7 +237,7 @@ class Transport:
                 broken += 1
                 if broken >= MAX_BROKEN or not self._may_come_back(error):
                     raise ConnectionFailed(
-                        f"cannot reach {self.url} ({method} {path}): "
+                        f"cannot reach {self.url} ({method} {path}, request {request_id}): "
                         f"{error or type(error).__name__}"
                     ) from error
                 pause(FIRST_PAUSE_S * 2 ** (broken - 1), flight)
@@ -270,6 +308,7 @@ class Transport:
         connection: http.client.HTTPConnection,
         method: str,
         target: str,
+        request_headers: Mapping[str, str],
         body: Optional[Body],
         work_s: float,
         on_sent: Optional[Callable[[int], None]],
@@ -283,7 +322,7 @@ class Transport:
         if connection.sock is not None:
             connection.sock.settimeout(work_s + self._stall_s)
         connection.putrequest(method, target, skip_accept_encoding=True)
-        for name, value in self._headers.items():
+        for name, value in request_headers.items():
             connection.putheader(name, value)
         if body is not None:
             connection.putheader("Content-Type", body.content_type)

@@ -122,6 +122,43 @@ test('after the last try the reason is the last one', async () => {
   await assert.rejects(new Client('http://127.0.0.1:1', { retries: 0 }).capabilities(), /ECONNREFUSED|bad port/);
 });
 
+test('repetitions keep the id of their request, and errors name it', async () => {
+  answer = async (request, response, number, body) => {
+    if (number === 1) return request.socket.destroy();
+    if (number === 2) return problem(response, 503, 'overloaded', { 'Retry-After': '0' });
+    response.end(oddness(body));
+  };
+  await treeOf().any(rows(3));
+  await treeOf().any(rows(3));
+  const ids = requests.map(({ headers }) => headers['x-request-id']);
+  assert.match(ids[0], /^kdray-[0-9a-f]{12}$/);
+  assert.deepEqual(ids.slice(0, 3), [ids[0], ids[0], ids[0]]);
+  assert.notEqual(ids[3], ids[0]);
+  answer = async (request) => request.socket.destroy();
+  await assert.rejects(treeOf({ retries: 0 }).any(rows(3)), (error) => {
+    assert.equal(error.requestId, requests.at(-1).headers['x-request-id']);
+    return true;
+  });
+});
+
+test('the trace of the caller goes with every request', async () => {
+  const trace = '00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01';
+  answer = async (request, response, number, body) => response.end(oddness(body));
+  const seen = async (traceparent) => {
+    requests = [];
+    await treeOf({ traceparent }).any(rows(4), { batchRows: 2 });
+    return requests.map(({ headers }) => headers.traceparent);
+  };
+  assert.deepEqual(await seen(undefined), [undefined, undefined]);
+  assert.deepEqual(await seen(trace), [trace, trace]);
+  assert.deepEqual(await seen(() => trace), [trace, trace]);
+  assert.deepEqual(await seen(() => undefined), [undefined, undefined]);
+  assert.deepEqual(await seen(() => 'what is no trace'), [undefined, undefined], 'tracing fails no request');
+  for (const wrong of ['', '00-1-2-3', trace.toUpperCase(), `00-${'0'.repeat(32)}-${'1'.repeat(16)}-01`]) {
+    assert.throws(() => new Client(url, { traceparent: wrong }), /traceparent .* is invalid/);
+  }
+});
+
 test('the answer of a proxy that is not kdray has at least its status', async () => {
   answer = async (request, response) => {
     response.writeHead(404, { 'Content-Type': 'text/html' });
