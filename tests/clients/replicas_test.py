@@ -7,8 +7,6 @@ hides a failure by repeating it.
 import hashlib
 import http.client
 import json
-import os
-import re
 import shutil
 import signal
 import socket
@@ -19,116 +17,15 @@ import tempfile
 import threading
 import time
 import unittest
-import urllib.parse
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent.parent
+from replicas import BACK_S, HAPROXY, RAYS, ROOT, Replicas, mesh, request
+
 sys.path.insert(0, str(ROOT / "clients/python"))
 import kdray  # noqa: E402
 import numpy as np  # noqa: E402
 
 KDRAYD, KDRAY = sys.argv[1:3]
-RAYS = json.dumps({"rays": [[0.2, 0.1 * i, 9, 0, 0, -1] for i in range(-4, 5)]}).encode()
-BACK_S = 10.0
-
-
-def mesh(number):
-    """A tetrahedron; each number has other bytes, so another place on the ring."""
-    height = 1 + number / 100
-    vertices = np.array([[-1, -1, 0], [1, -1, 0], [0, 1, 0], [0, 0, height]])
-    return vertices, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
-
-
-class Replicas:
-    """Context manager: server/deploy/local on a free port."""
-
-    def __init__(self, number=3, folder=None, **environment):
-        self._own_folder = folder is None
-        self.folder = folder or tempfile.mkdtemp(prefix="kdray-replicas-")
-        self._process = subprocess.Popen(
-            [sys.executable, str(ROOT / "server/deploy/local"), "--replicas", str(number), "--port",
-             "0", "--data-dir", self.folder, "--kdrayd", KDRAYD, "--", "--threads", "1"],
-            stdout=subprocess.PIPE, text=True, env=dict(
-                {name: value for name, value in os.environ.items()
-                 if not name.startswith("KDRAY_")}, **environment))
-        self.processes, self.addresses, self.url = {}, {}, None
-        while self.url is None:
-            line = self._process.stdout.readline()
-            if not line:
-                raise RuntimeError(f"server/deploy/local ended; its logs are in {self.folder}")
-            self._read(line)
-        self._reader = threading.Thread(target=self._read_all)
-        self._reader.start()
-        self.port = urllib.parse.urlsplit(self.url).port
-        if "KDRAY_CERTIFICATE" not in environment:
-            self._await(self.port)
-
-    def _read(self, line):
-        replica = re.match(r"(replica\d+) (http://\S+) process (\d+)", line)
-        served = re.match(r"kdray listening on (http://\S+)", line)
-        if replica:
-            self.addresses[replica[1]] = replica[2]
-            self.processes[replica[1]] = int(replica[3])
-        if served:
-            self.url = served[1]
-
-    def _read_all(self):
-        for line in self._process.stdout:
-            self._read(line)
-
-    @staticmethod
-    def _await(port):
-        deadline = time.monotonic() + BACK_S
-        while time.monotonic() < deadline:
-            try:
-                if request(port, "GET", "/readyz")[0] == 200:
-                    return
-            except OSError:
-                pass
-            time.sleep(0.05)
-        raise RuntimeError("HAProxy does not answer")
-
-    def stop(self, replica, how):
-        """Sends the signal; returns the process that ends."""
-        old = self.processes[replica]
-        os.kill(old, how)
-        return old
-
-    def wait_for_return(self, replica, old):
-        """Until the replica runs again and HAProxy sends it requests."""
-        port = urllib.parse.urlsplit(self.addresses[replica]).port
-        deadline = time.monotonic() + BACK_S
-        while self.processes[replica] == old and time.monotonic() < deadline:
-            time.sleep(0.02)
-        self._await(port)
-        seen = set()
-        while replica not in seen and time.monotonic() < deadline:
-            # Without a mesh in the path, the replicas take turns.
-            seen.add(request(self.port, "GET", "/v1")[1]["kdray-replica"])
-        if replica not in seen:
-            raise RuntimeError(f"{replica} did not come back")
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self._process.terminate()
-        self._process.wait(timeout=60)
-        self._reader.join()
-        self._process.stdout.close()
-        if self._own_folder:
-            shutil.rmtree(self.folder, ignore_errors=True)
-
-
-def request(port, method, path, body=None, connection=None):
-    """One request, never repeated: status, headers, content."""
-    own = connection or http.client.HTTPConnection("127.0.0.1", port, timeout=20)
-    own.request(method, path, body, {"Content-Type": "application/json"} if body else {})
-    answer = own.getresponse()
-    content = answer.read()
-    if connection is None:
-        own.close()
-    return answer.status, {k.lower(): v for k, v in answer.getheaders()}, content
 
 
 class Load(threading.Thread):
@@ -165,7 +62,7 @@ class Load(threading.Thread):
 class ReplicasTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.replicas = Replicas()
+        cls.replicas = Replicas(KDRAYD)
         cls.addClassCleanup(cls.replicas.__exit__)
         cls.client = kdray.Client(cls.replicas.url)
         cls.direct = {name: kdray.Client(url, retry_s=0)
@@ -243,6 +140,7 @@ class ReplicasTest(unittest.TestCase):
         before, after = ([took for thread in threads for start, took in thread.times
                           if is_of(start)] for is_of in (lambda s: s < at, lambda s: s > at + 2))
         self.assertGreater(len(after), 20)
+        self.assertLess(p99(after), 3 * p99(before) + 100, "not back within 2 s")
         print(f"killed under load: {sum(len(t.times) for t in threads)} requests, none failed; "
               f"p99 {p99(before):.1f} ms before, {p99(after):.1f} ms from 2 s after", flush=True)
         self.replicas.wait_for_return(victim, old)
@@ -273,12 +171,12 @@ class ReplicasTest(unittest.TestCase):
 class JoiningTest(unittest.TestCase):
     def test_a_replica_that_joins_with_the_stores_of_the_others_loses_no_tree(self):
         with tempfile.TemporaryDirectory(prefix="kdray-joining-") as folder:
-            with Replicas(2, folder) as replicas:
+            with Replicas(KDRAYD, 2, folder) as replicas:
                 client = kdray.Client(replicas.url)
                 trees = [client.upload(mesh(number)).id for number in range(60, 76)]
             for name in ("replica1", "replica2"):
                 shutil.copytree(Path(folder, name), Path(folder, "replica3"), dirs_exist_ok=True)
-            with Replicas(3, folder) as replicas:
+            with Replicas(KDRAYD, 3, folder) as replicas:
                 client = kdray.Client(replicas.url, retry_s=0)
                 homes = set()
                 for tree in trees:
@@ -290,11 +188,11 @@ class JoiningTest(unittest.TestCase):
 
     def test_without_them_its_trees_are_found_again_by_an_upload(self):
         with tempfile.TemporaryDirectory(prefix="kdray-joining-") as folder:
-            with Replicas(2, folder) as replicas:
+            with Replicas(KDRAYD, 2, folder) as replicas:
                 client = kdray.Client(replicas.url)
                 for number in range(80, 96):
                     client.upload(mesh(number))
-            with Replicas(3, folder) as replicas:
+            with Replicas(KDRAYD, 3, folder) as replicas:
                 client = kdray.Client(replicas.url, retry_s=0)
                 for number in range(80, 96):
                     tree = client.upload(mesh(number))
@@ -311,18 +209,20 @@ class SettingsTest(unittest.TestCase):
                  "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1", "-keyout",
                  f"{folder}/key", "-out", f"{folder}/cert"], check=True, capture_output=True)
             pem.write_text(Path(folder, "cert").read_text() + Path(folder, "key").read_text())
-            with Replicas(1, KDRAY_CERTIFICATE=str(pem)) as replicas:
+            with Replicas(KDRAYD, 1, KDRAY_CERTIFICATE=str(pem)) as replicas:
                 client = kdray.Client(f"https://127.0.0.1:{replicas.port}",
                                       ssl_context=ssl.create_default_context(cafile=str(pem)))
                 self.assertEqual(client.upload(mesh(1)).triangles, 4)
 
     def test_one_address_has_a_limit_of_connections(self):
-        with Replicas(1, KDRAY_CLIENT_CONNECTIONS="4") as replicas:
+        with Replicas(KDRAYD, 1, KDRAY_CLIENT_CONNECTIONS="4") as replicas:
             held = [socket.create_connection(("127.0.0.1", replicas.port)) for _ in range(5)]
             headers, content = self.answer_of_status(429, replicas.port)
             self.assertEqual((headers["retry-after"], headers["content-type"]),
                              ("1", "application/problem+json"))
-            self.assertEqual(json.loads(content)["code"], "too_many_requests")
+            problem = json.loads(content)
+            self.assertEqual((problem["code"], problem["request_id"]),
+                             ("too_many_requests", headers["x-request-id"]))
             for connection in held:
                 connection.close()
             self.answer_of_status(200, replicas.port)
@@ -343,7 +243,7 @@ def p99(seconds):
 
 
 if __name__ == "__main__":
-    if shutil.which("haproxy", path=os.environ.get("PATH", "") + ":/usr/sbin") is None:
+    if HAPROXY is None:
         print("HAProxy is not installed; replicas are not tested")
         sys.exit(77)
     unittest.main(argv=sys.argv[:1], verbosity=2)
