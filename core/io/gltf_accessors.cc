@@ -12,10 +12,6 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "as the numbers in glTF files are");
 
-std::string Pointer(std::string_view list, std::uint64_t number) {
-  return "/" + std::string(list) + "/" + std::to_string(number);
-}
-
 std::uint64_t SizeOf(GltfType type) {
   switch (type) {
     case GltfType::kByte:
@@ -97,51 +93,15 @@ double Load(const std::byte* from) {
   return static_cast<double>(value);
 }
 
-// The value of a base64 digit; 64 for any other character.
-constexpr std::array<std::uint8_t, 256> kDigits = [] {
-  std::array<std::uint8_t, 256> digits{};
-  digits.fill(64);
-  constexpr std::string_view kAlphabet =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  for (std::size_t i = 0; i < kAlphabet.size(); ++i) {
-    digits[static_cast<unsigned char>(kAlphabet[i])] = static_cast<std::uint8_t>(i);
-  }
-  return digits;
-}();
-
-// Appends at most `bytes` bytes of base64 text to `out`. JSON may escape a slash; nothing else
-// needs an escape. False at a character that is not base64, or when the poll stops.
-bool DecodeBase64(std::string_view text, std::uint64_t bytes, std::vector<std::byte>* out,
-                  CancelPoll* poll) {
-  while (text.ends_with('=')) text.remove_suffix(1);
-  std::uint32_t bits = 0;
-  int count = 0;
-  bool is_valid = true;
-  const bool done = PolledLoop(text.size(), 4, poll, [&](std::size_t i) {
-    if (text[i] == '\\' && i + 1 < text.size() && text[i + 1] == '/') return;
-    const std::uint8_t digit = kDigits[static_cast<unsigned char>(text[i])];
-    is_valid = is_valid && digit < 64;
-    bits = bits << 6 | digit;
-    if ((count += 6) < 8) return;
-    count -= 8;
-    if (out->size() < bytes) out->push_back(static_cast<std::byte>(bits >> count & 0xff));
-  });
-  return done && is_valid;
-}
-
 }  // namespace
 
 GltfAccessors::GltfAccessors(const GltfDocument& document,
                              std::optional<std::span<const std::byte>> binary,
                              std::uint64_t file_bytes, CancelPoll* poll)
-    : document_(document),
-      binary_(binary),
-      file_bytes_(file_bytes),
-      poll_(poll),
-      buffers_(document.buffers.size()) {}
+    : document_(document), buffers_(document, binary, poll), file_bytes_(file_bytes), poll_(poll) {}
 
 Status GltfAccessors::Check(std::uint64_t number, GltfUse use) {
-  const std::string pointer = Pointer("accessors", number);
+  const std::string pointer = GltfPointer("accessors", number);
   if (number >= document_.accessors.size()) {
     return AtPointer(pointer, "does not exist; the file has " +
                                   std::to_string(document_.accessors.size()) + " accessors");
@@ -155,7 +115,7 @@ Status GltfAccessors::Check(std::uint64_t number, GltfUse use) {
   }
   const std::uint64_t element_bytes = accessor.components * SizeOf(accessor.type);
   const bool is_needed = use == GltfUse::kPosition || use == GltfUse::kIndices;
-  const auto part = [&](const char* name) { return Checked{pointer + name, is_needed}; };
+  const auto part = [&](const char* name) { return GltfBuffers::User{pointer + name, is_needed}; };
   if (accessor.view) {
     Status status =
         CheckElements(*accessor.view, accessor.offset, accessor.count, element_bytes, part(""));
@@ -189,133 +149,27 @@ Status GltfAccessors::Check(std::uint64_t number, GltfUse use) {
 // No sum or product here can overflow: each is checked against what is left.
 Status GltfAccessors::CheckElements(std::uint64_t view_number, std::uint64_t offset,
                                     std::uint64_t count, std::uint64_t element_bytes,
-                                    const Checked& checked) {
-  if (Status status = CheckView(view_number, checked); !status.ok()) return status;
+                                    const GltfBuffers::User& user) {
+  if (Status status = buffers_.Use(view_number, user); !status.ok()) return status;
   if (count == 0) return {};
   const GltfView& view = document_.views[view_number];
   const std::uint64_t stride = view.stride == 0 ? element_bytes : view.stride;
   const bool fits = offset <= view.bytes && element_bytes <= view.bytes - offset &&
                     count - 1 <= (view.bytes - offset - element_bytes) / stride;
   if (fits) return {};
-  return AtPointer(checked.pointer, std::to_string(count) + " elements of " +
-                                        std::to_string(element_bytes) + " bytes, " +
-                                        std::to_string(stride) + " apart, from byte " +
-                                        std::to_string(offset) + " on, do not fit into the " +
-                                        std::to_string(view.bytes) + " bytes of bufferView " +
-                                        std::to_string(view_number));
-}
-
-Status GltfAccessors::CheckView(std::uint64_t number, const Checked& checked) {
-  if (number >= document_.views.size()) {
-    return AtPointer(checked.pointer, "the bufferView " + std::to_string(number) +
-                                          " does not exist; the file has " +
-                                          std::to_string(document_.views.size()));
-  }
-  const GltfView& view = document_.views[number];
-  const std::string view_pointer = Pointer("bufferViews", number);
-  if (view.buffer >= document_.buffers.size()) {
-    return AtPointer(view_pointer, "the buffer " + std::to_string(view.buffer) +
-                                       " does not exist; the file has " +
-                                       std::to_string(document_.buffers.size()));
-  }
-  const std::uint64_t bytes = document_.buffers[view.buffer].bytes;
-  if (view.offset > bytes || view.bytes > bytes - view.offset) {
-    return AtPointer(view_pointer, std::to_string(view.bytes) + " bytes from byte " +
-                                       std::to_string(view.offset) + " on do not fit into the " +
-                                       std::to_string(bytes) + " bytes of buffer " +
-                                       std::to_string(view.buffer));
-  }
-  return UseBuffer(view.buffer, checked.is_needed);
-}
-
-Status GltfAccessors::UseBuffer(std::uint64_t number, bool is_needed) {
-  Buffer& used = buffers_[number];
-  if (used.is_broken) return AtPointer(Pointer("buffers", number), "is broken");
-  used.is_needed = used.is_needed || is_needed;
-  if (used.is_used) return {};
-  const GltfBuffer& buffer = document_.buffers[number];
-  const std::string pointer = Pointer("buffers", number);
-  if (!buffer.other_uri.empty()) {
-    return AtPointer(pointer, "the data is in another file, " + Quoted(buffer.other_uri) +
-                                  "; only embedded buffers are read: send a GLB, or a glTF whose "
-                                  "buffers are base64 in data: URIs");
-  }
-  std::uint64_t available = 0;
-  if (buffer.data_uri) {
-    available = buffer.data_uri->size() / 4 * 3 + 3;
-  } else if (number == 0 && binary_) {
-    available = binary_->size();
-  } else {
-    return AtPointer(pointer, "has no 'uri', and the file has no BIN chunk for it");
-  }
-  if (buffer.bytes > available) {
-    return AtPointer(pointer, "claims " + std::to_string(buffer.bytes) +
-                                  " bytes; the file has at most " + std::to_string(available) +
-                                  " for it");
-  }
-  used.is_used = true;
-  return {};
-}
-
-std::uint64_t GltfAccessors::DecodedBytes() const {
-  std::uint64_t bytes = 0;
-  for (std::size_t i = 0; i < buffers_.size(); ++i) {
-    const GltfBuffer& buffer = document_.buffers[i];
-    if (buffers_[i].is_used && buffer.data_uri) bytes += buffer.bytes;
-  }
-  return bytes;
-}
-
-Status GltfAccessors::Decode() {
-  for (std::size_t i = 0; i < buffers_.size(); ++i) {
-    Buffer& buffer = buffers_[i];
-    if (!buffer.is_used) continue;
-    Status status = DecodeBuffer(i);
-    if (status.ok()) continue;
-    if (buffer.is_needed || poll_->stopped()) return status;
-    buffer.is_broken = true;
-  }
-  return {};
-}
-
-Status GltfAccessors::DecodeBuffer(std::uint64_t number) {
-  const GltfBuffer& buffer = document_.buffers[number];
-  Buffer& used = buffers_[number];
-  if (!buffer.data_uri) {
-    used.bytes = binary_->subspan(0, buffer.bytes);
-    return {};
-  }
-  constexpr std::string_view kBase64 = ";base64,";
-  const std::string pointer = Pointer("buffers", number);
-  constexpr std::size_t kLongestType = 256;
-  const std::size_t found = buffer.data_uri->substr(0, kLongestType).find(kBase64);
-  if (found == std::string_view::npos) {
-    return AtPointer(pointer, "a data: URI must say ';base64,'");
-  }
-  used.decoded.reserve(buffer.bytes);
-  const std::string_view text = buffer.data_uri->substr(found + kBase64.size());
-  const bool is_valid = DecodeBase64(text, buffer.bytes, &used.decoded, poll_);
-  if (poll_->stopped()) return poll_->ToError();
-  if (!is_valid) return AtPointer(pointer, "the data: URI is not valid base64");
-  if (used.decoded.size() < buffer.bytes) {
-    return AtPointer(pointer, "claims " + std::to_string(buffer.bytes) +
-                                  " bytes; the data: URI has " +
-                                  std::to_string(used.decoded.size()));
-  }
-  used.bytes = used.decoded;
-  return {};
-}
-
-std::span<const std::byte> GltfAccessors::ViewBytes(std::uint64_t number) const {
-  const GltfView& view = document_.views[number];
-  return buffers_[view.buffer].bytes.subspan(view.offset, view.bytes);
+  return AtPointer(user.pointer, std::to_string(count) + " elements of " +
+                                     std::to_string(element_bytes) + " bytes, " +
+                                     std::to_string(stride) + " apart, from byte " +
+                                     std::to_string(offset) + " on, do not fit into the " +
+                                     std::to_string(view.bytes) + " bytes of bufferView " +
+                                     std::to_string(view_number));
 }
 
 GltfAccessors::Elements GltfAccessors::ElementsOf(const GltfAccessor& accessor) const {
   Elements elements{nullptr, 0, accessor.type, accessor.components, accessor.normalized};
   if (accessor.view && accessor.count != 0) {
     const std::uint64_t stride = document_.views[*accessor.view].stride;
-    elements.first = ViewBytes(*accessor.view).data() + accessor.offset;
+    elements.first = buffers_.Bytes(*accessor.view).data() + accessor.offset;
     elements.stride = stride == 0 ? accessor.components * SizeOf(accessor.type) : stride;
   }
   return elements;
@@ -328,7 +182,7 @@ GltfAccessors::Sparse GltfAccessors::SparseOf(const GltfAccessor& accessor) cons
                         bool normalized) -> Elements {
     const std::uint64_t stride = document_.views[view].stride;
     const std::uint64_t size = static_cast<std::uint64_t>(components) * SizeOf(type);
-    return {ViewBytes(view).data() + offset, stride == 0 ? size : stride, type, components,
+    return {buffers_.Bytes(view).data() + offset, stride == 0 ? size : stride, type, components,
             normalized};
   };
   return {part(sparse.index_view, sparse.index_offset, sparse.index_type, 1, false),
@@ -371,7 +225,7 @@ GltfElement GltfAccessors::Elements::Get(std::uint64_t i) const {
 }
 
 bool GltfAccessors::FailSparse(std::uint64_t accessor, std::uint64_t index) {
-  error_ = AtPointer(Pointer("accessors", accessor) + "/sparse/indices",
+  error_ = AtPointer(GltfPointer("accessors", accessor) + "/sparse/indices",
                      "names element " + std::to_string(index) + "; the accessor has " +
                          std::to_string(document_.accessors[accessor].count));
   return false;

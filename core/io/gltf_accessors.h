@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The numbers of a glTF file: its buffers, views and accessors, checked against each other.
+// The numbers of a glTF file: its accessors, checked against the views that they are in
+// (core/io/gltf_buffers.h).
 #pragma once
 
 #include <array>
@@ -8,12 +9,10 @@
 #include <cstring>
 #include <optional>
 #include <span>
-#include <string>
-#include <string_view>
-#include <vector>
 
 #include "core/base/cancel_poll.h"
 #include "core/base/result.h"
+#include "core/io/gltf_buffers.h"
 #include "core/io/gltf_document.h"
 
 namespace kdray::core {
@@ -33,19 +32,16 @@ class GltfAccessors {
                 std::uint64_t file_bytes, CancelPoll* poll);
 
   /// Whether the accessor has a legal type for its use, and all its elements lie in its views and
-  /// buffers. Its buffers will be decoded. kInvalidMesh with the JSON pointer.
+  /// buffers, which will be decoded. kInvalidMesh with the JSON pointer.
   Status Check(std::uint64_t accessor, GltfUse use);
   /// Of an accessor that passed Check.
   std::uint64_t CountOf(std::uint64_t accessor) const {
     return document_.accessors[accessor].count;
   }
 
-  /// The memory that Decode takes, at most.
-  std::uint64_t DecodedBytes() const;
-  /// Decodes the buffers that checked accessors use. kInvalidMesh if one is not valid base64, or is
-  /// shorter than it claims, and positions or indices are in it; the accessors of another such
-  /// buffer no longer pass Check. Those of the poll.
-  Status Decode();
+  /// Where the elements are. Decode them after all checks and before ForEach; the accessors of a
+  /// buffer that turns out broken no longer pass Check.
+  GltfBuffers& buffers() { return buffers_; }
 
   /// Calls visit(i, element) for each element in order, then again for those that sparse values
   /// replace. False when the poll has stopped, or a sparse index is too large: then error() says
@@ -85,34 +81,16 @@ class GltfAccessors {
     Elements values;
   };
 
-  // What is checked, for its errors.
-  struct Checked {
-    std::string pointer;
-    bool is_needed = false;  // the mesh is invalid without it
-  };
   Status CheckElements(std::uint64_t view, std::uint64_t offset, std::uint64_t count,
-                       std::uint64_t element_bytes, const Checked& checked);
-  Status CheckView(std::uint64_t number, const Checked& checked);
-  Status UseBuffer(std::uint64_t number, bool is_needed);
-  Status DecodeBuffer(std::uint64_t number);
-  std::span<const std::byte> ViewBytes(std::uint64_t view) const;
+                       std::uint64_t element_bytes, const GltfBuffers::User& user);
   Elements ElementsOf(const GltfAccessor& accessor) const;
   Sparse SparseOf(const GltfAccessor& accessor) const;
   bool FailSparse(std::uint64_t accessor, std::uint64_t index);
 
-  struct Buffer {
-    bool is_used = false;
-    bool is_needed = false;
-    bool is_broken = false;  // found when it was decoded
-    std::span<const std::byte> bytes;
-    std::vector<std::byte> decoded;
-  };
-
   const GltfDocument& document_;
-  std::optional<std::span<const std::byte>> binary_;
+  GltfBuffers buffers_;
   std::uint64_t file_bytes_;
   CancelPoll* poll_;
-  std::vector<Buffer> buffers_;
   Error error_;
 };
 

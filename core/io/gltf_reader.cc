@@ -182,7 +182,8 @@ class SceneReader {
     if (counts_.triangles == 0) {
       return Error{ErrorCode::kEmptyMesh, "the scene of the glTF file has no triangle"};
     }
-    counts_.other_bytes += accessors_.DecodedBytes() + most_corners_ * sizeof(std::uint32_t) +
+    counts_.other_bytes += accessors_.buffers().DecodedBytes() +
+                           most_corners_ * sizeof(std::uint32_t) +
                            2 * instances_.size() * sizeof(Instance);
     if (sink_ != nullptr) {
       const auto values = [&](bool has) { return has ? counts_.vertices : 0; };
@@ -255,7 +256,7 @@ class SceneReader {
   }
 
   Status ReadInstances() {
-    if (Status status = accessors_.Decode(); !status.ok()) return status;
+    if (Status status = accessors_.buffers().Decode(); !status.ok()) return status;
     data_.vertices.reserve(counts_.vertices);
     data_.triangles.reserve(counts_.triangles);
     corners_.reserve(most_corners_);
