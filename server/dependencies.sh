@@ -26,6 +26,7 @@ libcli11-dev
 libcpp-httplib-dev
 libdeflate-dev
 libgmp-dev
+libmeshoptimizer-dev
 libspdlog-dev
 libssl-dev
 libstb-dev
@@ -78,6 +79,7 @@ END
 libcairo2
 libdeflate0
 libgmp10
+libmeshoptimizer2d
 libprometheus-cpp-core1.0
 libtbb12
 libzstd1

@@ -22,6 +22,7 @@ LIBRARIES = {
     "libdeflate": r"libdeflate",
     "zlib": r"zlib",
     "libzstd": r"zstd",
+    "meshoptimizer": r"meshoptimizer",
     "nlohmann-json": r"nlohmann/",
     "cpp-httplib": r"httplib",
     "cairo": r"cairo",

@@ -123,7 +123,7 @@ Status GltfAccessors::Check(std::uint64_t number, GltfUse use) {
   } else if (!accessor.sparse && is_needed) {
     return AtPointer(pointer, "has no bufferView and no sparse values, so there are no data for " +
                                   std::string(NameOf(use)) +
-                                  " (compressed meshes, as of Draco and meshopt, are not read)");
+                                  " (meshes that only Draco data have are not read)");
   } else if (accessor.count > file_bytes_) {
     return AtPointer(pointer, "has " + std::to_string(accessor.count) +
                                   " elements of value 0 without a bufferView; at most the file's " +

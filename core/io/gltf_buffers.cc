@@ -40,6 +40,10 @@ bool DecodeBase64(std::string_view text, std::uint64_t bytes, std::vector<std::b
   return done && is_valid;
 }
 
+std::string MeshoptPointer(std::uint64_t view) {
+  return GltfPointer("bufferViews", view) + "/extensions/EXT_meshopt_compression";
+}
+
 }  // namespace
 
 std::string GltfPointer(std::string_view list, std::uint64_t number) {
@@ -57,20 +61,56 @@ Status GltfBuffers::Use(std::uint64_t number, const User& user) {
                                        std::to_string(document_.views.size()));
   }
   const GltfView& view = document_.views[number];
-  const std::string view_pointer = GltfPointer("bufferViews", number);
-  if (view.buffer >= document_.buffers.size()) {
-    return AtPointer(view_pointer, "the buffer " + std::to_string(view.buffer) +
+  const User of_view{GltfPointer("bufferViews", number), user.is_needed};
+  if (view.meshopt) return UseCompressed(number, of_view);
+  return UseBytes(view.buffer, view.offset, view.bytes, of_view);
+}
+
+Status GltfBuffers::UseBytes(std::uint64_t buffer, std::uint64_t offset, std::uint64_t bytes,
+                             const User& user) {
+  if (buffer >= document_.buffers.size()) {
+    return AtPointer(user.pointer, "the buffer " + std::to_string(buffer) +
                                        " does not exist; the file has " +
                                        std::to_string(document_.buffers.size()));
   }
-  const std::uint64_t bytes = document_.buffers[view.buffer].bytes;
-  if (view.offset > bytes || view.bytes > bytes - view.offset) {
-    return AtPointer(view_pointer, std::to_string(view.bytes) + " bytes from byte " +
-                                       std::to_string(view.offset) + " on do not fit into the " +
-                                       std::to_string(bytes) + " bytes of buffer " +
-                                       std::to_string(view.buffer));
+  const std::uint64_t available = document_.buffers[buffer].bytes;
+  if (offset > available || bytes > available - offset) {
+    return AtPointer(user.pointer, std::to_string(bytes) + " bytes from byte " +
+                                       std::to_string(offset) + " on do not fit into the " +
+                                       std::to_string(available) + " bytes of buffer " +
+                                       std::to_string(buffer));
   }
-  return UseBuffer(view.buffer, user.is_needed);
+  return UseBuffer(buffer, user.is_needed);
+}
+
+// The view's own buffer need not have data: it is for readers that do not know the extension.
+Status GltfBuffers::UseCompressed(std::uint64_t number, const User& user) {
+  if (const auto used = compressed_.find(number); used != compressed_.end()) {
+    if (used->second.is_broken) return AtPointer(user.pointer, "is broken");
+    used->second.is_needed = used->second.is_needed || user.is_needed;
+    return UseBuffer(document_.views[number].meshopt->buffer, user.is_needed);
+  }
+  const GltfView& view = document_.views[number];
+  const GltfMeshopt& meshopt = *view.meshopt;
+  const User of_meshopt{MeshoptPointer(number), user.is_needed};
+  Status status = UseBytes(meshopt.buffer, meshopt.offset, meshopt.bytes, of_meshopt);
+  if (!status.ok()) return status;
+  if (const std::optional<std::string> why = WhyNotMeshopt(meshopt.form, meshopt.bytes)) {
+    return AtPointer(of_meshopt.pointer, *why);
+  }
+  if (meshopt.form.Bytes() != view.bytes) {
+    return AtPointer(user.pointer, "has a byteLength of " + std::to_string(view.bytes) + "; " +
+                                       std::to_string(meshopt.form.count) + " elements of " +
+                                       std::to_string(meshopt.form.stride) +
+                                       " bytes are compressed in it");
+  }
+  if (view.stride != 0 && view.stride != meshopt.form.stride) {
+    return AtPointer(user.pointer, "has a byteStride of " + std::to_string(view.stride) +
+                                       ", its compressed data of " +
+                                       std::to_string(meshopt.form.stride));
+  }
+  compressed_[number].is_needed = user.is_needed;
+  return {};
 }
 
 Status GltfBuffers::UseBuffer(std::uint64_t number, bool is_needed) {
@@ -108,6 +148,7 @@ std::uint64_t GltfBuffers::DecodedBytes() const {
     const GltfBuffer& buffer = document_.buffers[i];
     if (buffers_[i].is_used && buffer.data_uri) bytes += buffer.bytes;
   }
+  for (const auto& [number, view] : compressed_) bytes += document_.views[number].bytes;
   return bytes;
 }
 
@@ -119,6 +160,12 @@ Status GltfBuffers::Decode() {
     if (status.ok()) continue;
     if (buffer.is_needed || poll_->stopped()) return status;
     buffer.is_broken = true;
+  }
+  for (auto& [number, view] : compressed_) {
+    Status status = DecodeView(number);
+    if (status.ok()) continue;
+    if (view.is_needed || poll_->stopped()) return status;
+    view.is_broken = true;
   }
   return {};
 }
@@ -151,8 +198,22 @@ Status GltfBuffers::DecodeBuffer(std::uint64_t number) {
   return {};
 }
 
+Status GltfBuffers::DecodeView(std::uint64_t number) {
+  const GltfMeshopt& meshopt = *document_.views[number].meshopt;
+  const std::string pointer = MeshoptPointer(number);
+  if (buffers_[meshopt.buffer].is_broken) return AtPointer(pointer, "its buffer is broken");
+  std::vector<std::byte>& decoded = compressed_[number].decoded;
+  decoded.resize(meshopt.form.Bytes());
+  Status status = DecodeMeshopt(
+      meshopt.form, buffers_[meshopt.buffer].bytes.subspan(meshopt.offset, meshopt.bytes), decoded,
+      poll_);
+  if (status.ok() || poll_->stopped()) return status;
+  return AtPointer(pointer, status.error().message);
+}
+
 std::span<const std::byte> GltfBuffers::Bytes(std::uint64_t number) const {
   const GltfView& view = document_.views[number];
+  if (view.meshopt) return compressed_.at(number).decoded;
   return buffers_[view.buffer].bytes.subspan(view.offset, view.bytes);
 }
 

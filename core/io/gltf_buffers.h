@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bytes of a glTF file's buffer views: where they are, and base64 decoded.
+// The bytes of a glTF file's buffer views: where they are, base64 decoded, and compressed ones
+// (core/io/meshopt_decoder.h) too.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -31,7 +33,8 @@ class GltfBuffers {
     std::string pointer;
     bool is_needed = false;  ///< the mesh is invalid without it
   };
-  /// Whether the view lies in its buffer, whose bytes are in the file. It will be decoded.
+  /// Whether the view, or what it is compressed to, lies in a buffer whose bytes are in the file.
+  /// It will be decoded.
   /// kInvalidMesh with the JSON pointer.
   Status Use(std::uint64_t view, const User& user);
 
@@ -44,8 +47,12 @@ class GltfBuffers {
   std::span<const std::byte> Bytes(std::uint64_t view) const;
 
  private:
+  Status UseBytes(std::uint64_t buffer, std::uint64_t offset, std::uint64_t bytes,
+                  const User& user);
   Status UseBuffer(std::uint64_t number, bool is_needed);
+  Status UseCompressed(std::uint64_t view, const User& user);
   Status DecodeBuffer(std::uint64_t number);
+  Status DecodeView(std::uint64_t number);
 
   struct Buffer {
     bool is_used = false;
@@ -55,10 +62,17 @@ class GltfBuffers {
     std::vector<std::byte> decoded;
   };
 
+  struct CompressedView {
+    bool is_needed = false;
+    bool is_broken = false;
+    std::vector<std::byte> decoded;
+  };
+
   const GltfDocument& document_;
   std::optional<std::span<const std::byte>> binary_;
   CancelPoll* poll_;
   std::vector<Buffer> buffers_;
+  std::map<std::uint64_t, CompressedView> compressed_;  // those that are used, by number
 };
 
 }  // namespace kdray::core

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -15,6 +16,9 @@ namespace kdray::core {
 namespace {
 
 using Json = nlohmann::json;
+
+constexpr const char* kQuantization = "KHR_mesh_quantization";
+constexpr const char* kMeshopt = "EXT_meshopt_compression";
 
 /// The library's destructors allocate memory for a value's children, and a failure there would end
 /// the process. So the children go first, the innermost before the others.
@@ -215,16 +219,16 @@ class DocumentReader {
 
   void CheckExtensions(const Place& root) {
     const auto note = [&](const Place& place) {
-      if (*place.value == "KHR_mesh_quantization") document_.may_be_quantized = true;
+      if (*place.value == kQuantization) document_.may_be_quantized = true;
     };
     ForEach(root, "extensionsUsed", note);
     ForEach(root, "extensionsRequired", [&](const Place& place) {
       note(place);
       if (!place.value->is_string()) return Fail(place, "is not a string");
       const auto name = place.value->get<std::string>();
-      if (name == "KHR_mesh_quantization") return;
-      Fail(place, "the file needs the extension " + Quoted(name) +
-                      ", which is not read; KHR_mesh_quantization is");
+      if (name == kQuantization || name == kMeshopt) return;
+      Fail(place, "the file needs the extension " + Quoted(name) + ", which is not read; " +
+                      kQuantization + " and " + kMeshopt + " are");
     });
   }
 
@@ -248,7 +252,45 @@ class DocumentReader {
     view.offset = UintOr(place, "byteOffset", 0);
     view.bytes = NeedUint(place, "byteLength");
     view.stride = UintOr(place, "byteStride", 0);
+    if (const std::optional<Place> extensions = Find(place, "extensions")) {
+      if (const std::optional<Place> meshopt = Find(*extensions, kMeshopt)) {
+        view.meshopt = ReadMeshopt(*meshopt);
+      }
+    }
     document_.views.push_back(view);
+  }
+
+  GltfMeshopt ReadMeshopt(const Place& place) {
+    GltfMeshopt meshopt;
+    meshopt.buffer = NeedUint(place, "buffer");
+    meshopt.offset = UintOr(place, "byteOffset", 0);
+    meshopt.bytes = NeedUint(place, "byteLength");
+    meshopt.form.stride = NeedUint(place, "byteStride");
+    meshopt.form.count = NeedUint(place, "count");
+    meshopt.form.mode = OneOf<MeshoptMode>(place, "mode", "",
+                                           {{"ATTRIBUTES", MeshoptMode::kAttributes},
+                                            {"TRIANGLES", MeshoptMode::kTriangles},
+                                            {"INDICES", MeshoptMode::kIndices}});
+    meshopt.form.filter = OneOf<MeshoptFilter>(place, "filter", "NONE",
+                                               {{"NONE", MeshoptFilter::kNone},
+                                                {"OCTAHEDRAL", MeshoptFilter::kOctahedral},
+                                                {"QUATERNION", MeshoptFilter::kQuaternion},
+                                                {"EXPONENTIAL", MeshoptFilter::kExponential}});
+    return meshopt;
+  }
+
+  // The value whose name a member has; `missing` stands for a member that is not there.
+  template <class T>
+  T OneOf(const Place& object, const char* name, std::string missing,
+          std::initializer_list<std::pair<const char*, T>> known) {
+    const std::string text = Find(object, name) ? Text(object, name) : std::move(missing);
+    std::string names;
+    for (const auto& [word, value] : known) {
+      if (text == word) return value;
+      names += (names.empty() ? "" : ", ") + std::string(word);
+    }
+    Fail(object, "has the " + std::string(name) + " " + Quoted(text) + "; allowed are " + names);
+    return known.begin()->second;
   }
 
   GltfType Type(const Place& object) {

@@ -15,6 +15,7 @@
 #include "core/base/cancel_poll.h"
 #include "core/base/result.h"
 #include "core/geometry/vec3.h"
+#include "core/io/meshopt_decoder.h"
 
 namespace kdray::core {
 
@@ -42,11 +43,20 @@ struct GltfBuffer {
   std::string other_uri;                     ///< of another file; empty with `data_uri`
 };
 
+/// Where the compressed bytes of a view are, and what they say of it (EXT_meshopt_compression).
+struct GltfMeshopt {
+  std::uint64_t buffer = 0;
+  std::uint64_t offset = 0;
+  std::uint64_t bytes = 0;
+  MeshoptForm form;
+};
+
 struct GltfView {
   std::uint64_t buffer = 0;
   std::uint64_t offset = 0;
   std::uint64_t bytes = 0;
-  std::uint64_t stride = 0;  ///< 0: elements touch
+  std::uint64_t stride = 0;            ///< 0: elements touch
+  std::optional<GltfMeshopt> meshopt;  ///< then nothing is read from `buffer` itself
 };
 
 enum class GltfType : std::uint16_t {

@@ -59,7 +59,8 @@ struct MeshReadOptions {
 /// Memory is allocated for what the bytes can contain: at most 2x the body beyond the result (for
 /// an invalid file: beyond the result of the part before the error), and
 /// PolygonCutter::kScratchBytesPerCorner for each corner of the largest concave polygon, 46 MB at
-/// most. The JSON of glTF takes more than its text, some 100 bytes a value; `on_counts` is told
+/// most. The JSON of glTF takes more than its text, some 100 bytes a value, and compressed views of
+/// glTF take what they decode to, up to 64 times their bytes; `on_counts` is told before
 /// (MeshCounts::other_bytes). Safe from many threads at once. O(bytes), and O(n log n) for usual
 /// concave polygons of n corners; PolygonCutter bounds what polygons may cost.
 Result<MeshData> ReadMesh(std::span<const std::byte> bytes, const MeshReadOptions& options = {});

@@ -30,13 +30,15 @@ inline std::ostream& operator<<(std::ostream& out, const FuzzTarget& target) {
 
 // One function for each file of targets.
 std::span<const FuzzTarget> MeshTargets();
+std::span<const FuzzTarget> CodecTargets();
 std::span<const FuzzTarget> BatchTargets();
 std::span<const FuzzTarget> HttpTargets();
 std::span<const FuzzTarget> StoreTargets();
 
 inline std::vector<FuzzTarget> AllTargets() {
   std::vector<FuzzTarget> all;
-  for (const auto targets : {MeshTargets(), BatchTargets(), HttpTargets(), StoreTargets()}) {
+  for (const auto targets :
+       {MeshTargets(), CodecTargets(), BatchTargets(), HttpTargets(), StoreTargets()}) {
     all.insert(all.end(), targets.begin(), targets.end());
   }
   return all;
