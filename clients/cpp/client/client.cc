@@ -84,11 +84,12 @@ TreePage Client::ListTrees(const std::string& after) {
 }
 
 Tree Client::CreateTree(const Payload& mesh, const std::string& build, int wait_ms,
-                        const ByteProgress& on_sent) {
+                        const ByteProgress& on_sent, const std::string& sha256) {
   const auto response = Call({.method = "POST",
                               .path = "/v1/trees",
                               .query = {{"build", build}, {"wait_ms", std::to_string(wait_ms)}},
                               .content_type = "application/octet-stream",
+                              .content_digest = sha256.empty() ? "" : ContentDigest(sha256),
                               .payload = &mesh,
                               .on_sent = on_sent});
   return TreeFrom(ParseAnswer(response), response.status);

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <charconv>
 #include <cstdlib>
 #include <cstring>
 #include <memory>
@@ -16,6 +17,7 @@
 #include <vector>
 
 #include "kdray/error.h"
+#include "kdray/problem.h"
 
 namespace kdray::client {
 namespace {
@@ -215,6 +217,20 @@ std::string Payload::Sha256(const ByteProgress& on_hashed) const {
   std::string text;
   for (const unsigned char byte : digest) text += {kHex[byte >> 4], kHex[byte & 15]};
   return text;
+}
+
+std::string ContentDigest(const std::string& sha256) {
+  std::array<unsigned char, 32> bytes{};
+  bool valid = sha256.size() == 2 * bytes.size();
+  for (std::size_t i = 0; valid && i < bytes.size(); ++i) {
+    const char* const first = sha256.data() + 2 * i;
+    const auto [end, error] = std::from_chars(first, first + 2, bytes[i], 16);
+    valid = error == std::errc() && end == first + 2;
+  }
+  if (!valid) throw UsageError("'" + Printable(sha256) + "' is not a SHA-256 in hexadecimal");
+  std::array<unsigned char, 45> text{};  // 44 characters, and a 0
+  const int length = EVP_EncodeBlock(text.data(), bytes.data(), bytes.size());
+  return "sha-256=:" + std::string(text.begin(), text.begin() + length) + ":";
 }
 
 }  // namespace kdray::client

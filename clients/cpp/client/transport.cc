@@ -109,6 +109,7 @@ HttpResponse Transport::Send(const HttpRequest& request) {
                               {"X-Request-Id", request_id}};
   if (!options_.token.empty()) headers.emplace("Authorization", "Bearer " + options_.token);
   if (!request.accept.empty()) headers.emplace("Accept", request.accept);
+  if (!request.content_digest.empty()) headers.emplace("Content-Digest", request.content_digest);
 
   const std::string path = options_.server.prefix + request.path + EncodeQuery(request.query);
   httplib::ClientImpl& http = *connection_->http;

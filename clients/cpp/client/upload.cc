@@ -69,7 +69,7 @@ UploadResult UploadMesh(Client& client, const Payload& mesh, const std::string& 
   if (!tree) tree = client.CreateTreeOfStoredMesh(sha256, build, kFirstWaitMs);
   if (!tree) {
     CheckSize(client, mesh);
-    tree = client.CreateTree(mesh, build, kFirstWaitMs, watcher.on_sent);
+    tree = client.CreateTree(mesh, build, kFirstWaitMs, watcher.on_sent, sha256);
     result.was_sent = true;
   }
   if (tree->id != id)

@@ -75,6 +75,19 @@ TEST_F(CommandTest, UploadSendsTheFileAndPrintsTheIdAlone) {
   EXPECT_EQ(service_.Seen().back().body, bytes);
 }
 
+TEST_F(CommandTest, UploadSendsTheHashOfItsBytesByWhichProxiesFindTheServer) {
+  ASSERT_EQ(Run({"upload", WriteMesh("{\"hello\": \"world\"}\n")}), kExitOk);
+  const auto upload = service_.Seen().back();
+  EXPECT_EQ(upload.method, "POST");
+  const auto digest = upload.headers.find("content-digest");
+  ASSERT_NE(digest, upload.headers.end());
+  EXPECT_EQ(digest->second, "sha-256=:RK/0qy18MlBSVnWgjwz6lZEWjP/lF5HF9bvEF8FabDg=:");  // RFC 9530
+  for (const auto& request : service_.Seen()) {
+    EXPECT_EQ(request.headers.count("content-digest"), request.body.empty() ? 0u : 1u)
+        << request.target;
+  }
+}
+
 TEST_F(CommandTest, UploadSendsNothingThatTheServerHas) {
   const std::string mesh = WriteMesh();
   ASSERT_EQ(Run({"upload", mesh}), kExitOk);

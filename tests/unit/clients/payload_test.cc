@@ -43,6 +43,16 @@ TEST(Payload, HashesAllItsBytes) {
             digest);
 }
 
+TEST(Payload, ContentDigestIsTheHashInBase64) {
+  // RFC 9530, appendix B.1: the SHA-256 of the 19 bytes {"hello": "world"} and a line feed.
+  const std::string sha256 = Payload::OfBytes("", "{\"hello\": \"world\"}\n").Sha256();
+  EXPECT_EQ(ContentDigest(sha256), "sha-256=:RK/0qy18MlBSVnWgjwz6lZEWjP/lF5HF9bvEF8FabDg=:");
+  EXPECT_THROW(ContentDigest(""), UsageError);
+  EXPECT_THROW(ContentDigest(sha256 + "00"), UsageError);
+  EXPECT_THROW(ContentDigest(std::string(63, '0') + "g"), UsageError);
+  EXPECT_THROW(ContentDigest(std::string(62, '0') + "-1"), UsageError);
+}
+
 TEST(Payload, KeepsReadingTheFileThatItHasOpened) {
   const TemporaryFolder folder;
   WriteText(folder / "a", "old");

@@ -62,9 +62,10 @@ class Client {
   /// GET /v1/trees, one page; `after` is `next` of the previous page.
   TreePage ListTrees(const std::string& after = {});
 
-  /// POST /v1/trees with the mesh's bytes.
+  /// POST /v1/trees with the mesh's bytes. `sha256` is their hash, if it is known. It is sent as
+  /// Content-Digest, by which a proxy before several servers finds the server of the mesh.
   Tree CreateTree(const Payload& mesh, const std::string& build, int wait_ms,
-                  const ByteProgress& on_sent = {});
+                  const ByteProgress& on_sent = {}, const std::string& sha256 = {});
 
   /// POST /v1/trees?mesh=: another build of a stored mesh; nullopt if the server does not have it.
   std::optional<Tree> CreateTreeOfStoredMesh(const std::string& sha256, const std::string& build,

@@ -62,4 +62,8 @@ class Payload {
   std::uint64_t size_ = 0;
 };
 
+/// The value of Content-Digest (RFC 9530) for bytes with this SHA-256, 64 hexadecimal digits.
+/// Throws UsageError if `sha256` is invalid.
+std::string ContentDigest(const std::string& sha256);
+
 }  // namespace kdray::client

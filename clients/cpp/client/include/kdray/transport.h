@@ -28,8 +28,9 @@ struct HttpRequest {
   std::string method = "GET";
   std::string path;  ///< below the server's prefix, percent-encoded: "/v1/trees"
   Parameters query = {};
-  std::string accept = {};        ///< Accept header; empty sends none
-  std::string content_type = {};  ///< of the body
+  std::string accept = {};          ///< Accept header; empty sends none
+  std::string content_type = {};    ///< of the body
+  std::string content_digest = {};  ///< Content-Digest header; empty sends none
   std::string body = {};
   const Payload* payload = nullptr;  ///< sent instead of `body`, without reading it into memory
   ByteProgress on_sent = {};         ///< for `payload`
