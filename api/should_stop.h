@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a caller ends what takes long here, when nobody wants its result any more.
+// How a caller ends long work here when its result is no longer wanted.
 #pragma once
 
 #include <cstdint>

@@ -68,7 +68,7 @@ namespace {namespace} {{
 {"".join(parts)}
 }}  // namespace {namespace}
 """
-    # A file that stays as it is makes nobody compile again.
+    # An unchanged file is not written, so nothing is compiled again.
     target = Path(target)
     if not target.exists() or target.read_text(encoding="utf-8") != text:
         target.write_text(text, encoding="utf-8")

@@ -35,7 +35,7 @@ Lane LaneOf(std::uint64_t rays) {
 api::Outcome<Admission::Turn> Admission::Enter(Lane lane, const core::CancelToken& cancel) {
   std::unique_lock lock(mutex_);
   Line& line = LineOf(lane);
-  // Nobody waits while a turn is free: Leave() passes it on.
+  // No request waits while a turn is free, because Leave() passes it on.
   if (line.running < line.turns) {
     ++line.running;
     return Turn(this, lane, 0);

@@ -16,7 +16,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-/// Stop() wakes nobody; a wait looks this often.
+/// Poll interval of a wait, because Stop() does not wake it.
 constexpr milliseconds kLook{50};
 /// A pipe that poll() calls writable takes this much without waiting, and all of it or nothing.
 constexpr std::size_t kPieceBytes = PIPE_BUF;
@@ -73,8 +73,8 @@ bool LineSink::WaitUntilWritable() const noexcept {
 long LineSink::WriteSome(std::string_view bytes) const noexcept {
   if (is_socket_) return send(fd_, bytes.data(), bytes.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
   if (is_pipe_) {
-    // Somebody else may have filled the pipe since poll(). Not every kernel can tell: Linux before
-    // 6.4 says EOPNOTSUPP.
+    // Another process may have filled the pipe since poll(). Not every kernel can tell: Linux
+    // before 6.4 says EOPNOTSUPP.
     const iovec piece{.iov_base = const_cast<char*>(bytes.data()), .iov_len = bytes.size()};
     const ssize_t count = pwritev2(fd_, &piece, 1, -1, RWF_NOWAIT);
     if (count >= 0 || errno != EOPNOTSUPP) return count;

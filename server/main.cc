@@ -174,7 +174,7 @@ int Serve(const Config& config, const sigset_t& signals, const Log& log) {
               {{"max_connections", std::uint64_t{config.max_connections}},
                {"connections", std::uint64_t{limit.connections}},
                {"message", "the hard limit of open files is " + std::to_string(limit.descriptors) +
-                               "; so many connections need " +
+                               "; max_connections needs " +
                                std::to_string(DescriptorsFor(config.max_connections))}});
   }
   HttpServer server(http, service);

@@ -21,7 +21,7 @@ class QueryArenas {
   /// At most `threads` work for one query.
   explicit QueryArenas(int threads) : threads_(threads) {}
 
-  /// core::Arena::Run in an arena that nobody else uses.
+  /// core::Arena::Run in an arena that no other query uses meanwhile.
   template <class F>
   void Run(F&& f) {
     const Lease lease(this);

@@ -162,7 +162,7 @@ api::Outcome<HttpResponse> Service::Answer(const HttpRequest& request, const Rou
 
 bool Service::IsAllowed(const HttpRequest& request) const {
   if (!tokens_) return true;
-  // Of two headers nobody knows which one a proxy in front has looked at.
+  // A proxy in front may have checked either of two headers, so only one is allowed.
   return request.headers.Count("Authorization") == 1 &&
          tokens_->Allows(request.headers.Find("Authorization"));
 }

@@ -3,7 +3,7 @@
 """No function that the whole program may share was compiled for more than the baseline.
 
 An inline function of a shared header that the compiler leaves out of line in isa_avx2.cc or isa_avx512.cc becomes a weak
-symbol, and the linker may keep that copy for everybody: an illegal instruction on older processors. Usage: isa_symbols_test.py ARCHIVE
+symbol, and the linker may keep that copy for the whole program: an illegal instruction on older processors. Usage: isa_symbols_test.py ARCHIVE
 """
 import re
 import shutil

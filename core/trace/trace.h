@@ -35,7 +35,7 @@ struct TraceOptions {
   std::optional<bool> sort = {};  ///< sort similar rays together before tracing
 
   /// Hits that do not count. All queries, kernels and precisions treat them as misses and go on
-  /// behind them.
+  /// after them.
   Cull cull = Cull::kNone;  ///< hits on these sides
   /// `t_min=auto`: the origin lies on the mesh, and no triangle whose plane is within
   /// `surface_offset` of it is hit.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Each allocation of each operation fails once, in whichever thread makes it. The operation may
-// then fail as well, but nobody hangs, nothing ends the process, and afterwards everything that is
-// asked gets its right answer. A program of its own, since it replaces operator new.
+// then fail as well. But no thread hangs, nothing ends the process, and every later query gets its
+// right answer. A program of its own, since it replaces operator new.
 #include <gtest/gtest.h>
 
 #include <atomic>

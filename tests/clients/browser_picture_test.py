@@ -212,7 +212,7 @@ class BrowserPictureTest(PageTest):
             self.wait_for(lambda: proxy.waiting == 1)
             browser.drag("#canvas", (0, 0), (40, 10))
             self.wait_for(lambda: len(proxy.dropped) >= 2)  # more if the drag pauses
-            browser.open("about:blank")  # nobody waits for the last one
+            browser.open("about:blank")  # ends the last request
 
     def test_pans_and_zooms_are_seen_before_the_next_picture(self):
         # The shift that the page draws at once is that of the true camera.

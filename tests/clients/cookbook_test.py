@@ -80,7 +80,7 @@ class CookbookTest(unittest.TestCase):
         self.compare(place / pictures[0], BOOK / pictures[0])
 
     def compare(self, made, committed):
-        """Equal but for the last bits of sines: one pixel in a hundred may differ visibly."""
+        """Equal, except where the last bits of a sine differ: one pixel in a hundred may."""
         if committed.exists():
             pixels, expected = (
                 kdray.Picture(path.read_bytes()).array().astype(int) for path in (made, committed)

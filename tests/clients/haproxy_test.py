@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""kdrayd behind HAProxy with TLS, by the example package/haproxy.cfg: haproxy_test.py KDRAYD KDRAY"""
+"""HAProxy with TLS before kdrayd, by the example package/haproxy.cfg: haproxy_test.py KDRAYD KDRAY"""
 import http.client
 import os
 import shutil
@@ -92,7 +92,7 @@ class HaproxyTest(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(hits.read_bytes(), plain.read_bytes())
 
-    def test_a_certificate_that_nobody_vouches_for_is_refused(self):
+    def test_a_certificate_of_an_unknown_authority_is_refused(self):
         done = self.kdray("list", trusted=False)
         self.assertEqual(done.returncode, 3)
         self.assertIn("cannot connect to https://localhost", done.stderr)

@@ -179,7 +179,7 @@ class PressureTest(unittest.TestCase):
         status, _, answer = peer.answer()  # before the body is sent
         peer.close()
         self.assertEqual((status, json.loads(answer)["code"]), (413, "body_too_large"))
-        # Without a length, it is refused when so many bytes have come.
+        # Without a length, the body is refused when its bytes exceed the limit.
         peer = Peer(service.port)
         chunk = f"{MIB:x}\r\n".encode() + body[:MIB] + b"\r\n"
         try:

@@ -15,7 +15,7 @@ import urllib.request
 
 ELEMENT = "element-6066-11e4-a52e-4f735466cecf"  # the protocol's own name for "a reference to an element"
 
-# Quiet and alone: no sandbox (tests run as root in containers), no traffic of its own, a profile that nobody used before.
+# Quiet and alone: no sandbox (tests run as root in containers), no traffic of its own, a new profile.
 FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
          "--disable-background-networking", "--disable-component-update", "--disable-sync",
          "--disable-dev-shm-usage", "--force-device-scale-factor=1", "--hide-scrollbars"]

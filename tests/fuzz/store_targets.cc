@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stored files. Their hashes are made right, so that the readers behind the hash see every
+// The stored files. Their hashes are made right, so the readers after the check see every
 // input: a damaged disk is caught by the hash, and a file that another version wrote is not.
 #include <algorithm>
 #include <array>

@@ -268,7 +268,7 @@ TEST_F(DaemonProcess, LogsAClientThatLeavesAsThat) {
     client.Send(MakeRequest("GET",
                             "/v1/trees/" + id + "/render.png?width=2000&height=2000&samples=64", "",
                             "X-Request-Id: gone-" + std::to_string(reset) + "\r\n"));
-    // Real time: until the render is under way, which the daemon tells nobody.
+    // Real time: until the render is under way, which no answer of the daemon says.
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
     reset ? client.Reset() : client.Close();
   }

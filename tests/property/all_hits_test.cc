@@ -230,8 +230,8 @@ TEST(AllHits, OfManyRaysDependOnNeitherThreadsNorSortingNorTheNumberType) {
   }
 }
 
-/// Parallel triangles over each other, every one met by a ray along z; `levels` distances, so many
-/// have equal t.
+/// Parallel triangles over each other, all hit by a ray along z; they have `levels` distances, so
+/// several have equal t.
 MeshData Stack(std::uint32_t count, std::uint32_t levels) {
   MeshData data;
   for (std::uint32_t i = 0; i < count; ++i) {

@@ -36,7 +36,7 @@ class Load(threading.Thread):
                 if connection.sock is None:
                     connection.connect()
             except OSError:
-                return  # nobody listens any more
+                return  # the daemon no longer listens
             try:
                 connection.request("POST", path, body)
                 answer = connection.getresponse()

@@ -18,7 +18,7 @@ enum ExitCode : int {
   kExitUsage = 2,         ///< invalid options, or an id that matches no tree or several
   kExitConnection = 3,    ///< no connection, or the connection broke
   kExitLocalFile = 4,     ///< a local file cannot be read or written, or has the wrong format
-  kExitClosedPipe = 141,  ///< nobody reads standard output any more; main() ends by SIGPIPE
+  kExitClosedPipe = 141,  ///< the reader of standard output has gone; main() ends by SIGPIPE
 };
 
 /// The streams of a command: results go to `out` (for pipes), remarks to `err` (for people).

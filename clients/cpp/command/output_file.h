@@ -10,8 +10,8 @@
 
 namespace kdray::client {
 
-/// Nobody reads standard output any more (`kdray list | head`). This is no error of anybody: the
-/// program ends without a word.
+/// The reader of standard output has gone (`kdray list | head`). This is not an error: the program
+/// ends without a message.
 struct ClosedPipe : std::runtime_error {
   ClosedPipe() : std::runtime_error("standard output is closed") {}
 };

@@ -27,7 +27,7 @@ constexpr ProfilePoint kTurned[6][4] = {
     {On(1.5, 2.4), On(1.75, 1.875), On(2, 1.35), On(2, 0.9)},                // upper body
     {On(2, 0.9), On(2, 0.45), On(1.5, 0.225), On(1.5, 0.15)},                // lower body
     {On(1.5, 0.15), On(1.5, 0.075), On(1.425, 0), On(0, 0)}};                // bottom
-constexpr int kLid = 1;  // the piece behind which the gap to the rim opens
+constexpr int kLid = 1;  // the piece after which the gap to the rim opens
 
 // A half tube: row by row along it, each row half way around.
 using HalfTube = Point[7][4];

@@ -440,7 +440,7 @@ TEST_F(CommandTest, TradeoffMeasuresWhatWasNotMeasuredAndPrintsATable) {
         "missed_hits":{"count":6,"rays":100,"rate":0.06},
         "t_error":{"p999":1e-7,"max":2e-7}}]})";
   service_.AnswerOnce("POST", path, {202, R"({"state":"measuring","progress":0.5})"});
-  EXPECT_EQ(Run({"tradeoff", id}), kExitUsage) << "somebody stopped it";
+  EXPECT_EQ(Run({"tradeoff", id}), kExitUsage) << "another client stopped it";
   EXPECT_EQ(service_.Targets("POST").back(), path + "?wait_ms=500");
   EXPECT_EQ(service_.Targets("GET").back(), path + "?wait_ms=500");
 

@@ -139,7 +139,7 @@ class CoreBackendTest : public testing::Test {
 
 core::MeshData Sphere() { return test::BumpySphere({1, 2, 3}, 2, 12, 24, 0.2); }
 
-// Rays through and past the sphere; every 10th cannot be.
+// Rays through and past the sphere; every 10th is invalid.
 template <class T>
 test::RayRows<T> SomeRays(std::size_t count) {
   std::mt19937_64 random = test::RandomEngine(4242);
@@ -256,7 +256,8 @@ TEST_F(CoreBackendTest, ClosestHitsAreThoseOfBruteForceForFloatAndDoubleRows) {
     ASSERT_TRUE(answer.ok());
     const std::vector<api::RayHit>& hits = answer->rows->hits;
     ASSERT_EQ(hits.size(), 3000u);
-    EXPECT_TRUE(answer->rows->normals.empty() && answer->rows->points.empty()) << "nobody asked";
+    EXPECT_TRUE(answer->rows->normals.empty() && answer->rows->points.empty())
+        << "they were not requested";
     std::size_t hit_count = 0;
     std::vector<std::uint64_t> invalid;
     const auto rows = test::RowsOf(*table);

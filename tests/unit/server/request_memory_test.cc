@@ -202,7 +202,7 @@ TEST(RequestMemory, TheNewestBodyGivesWayToAnOlderOne) {
   Body newest(&memory);
   EXPECT_TRUE(Append(newest, 1300));
   EXPECT_TRUE(Append(middle, 1900));
-  EXPECT_TRUE(Append(oldest, 2400)) << "the newest gave way, nobody waited";
+  EXPECT_TRUE(Append(oldest, 2400)) << "the newest gave way, so no body waited";
   EXPECT_EQ(memory.used(), 4300U) << "its bytes are free before it notices";
   EXPECT_TRUE(Append(middle, 500)) << "the next newest did not have to";
   EXPECT_FALSE(Append(newest, 1));

@@ -80,7 +80,7 @@ std::vector<LongFile> LongFiles(std::size_t bytes) {
       {"binary PLY, a face", binary, std::string(1, '\0'), "\xff", 8},
       {"STL, blank lines", "solid a\n", "\n", facet},
       {"STL, a long name", "solid", " a", "\n" + facet},
-      {"STL, words behind a normal", "solid\nfacet normal", " 0", "\nouter loop\n"},
+      {"STL, words after a normal", "solid\nfacet normal", " 0", "\nouter loop\n"},
       {"binary STL, padding", std::string(80, 'x') + Raw<std::uint32_t>(1) + std::string(50, '\0'),
        std::string(1, '\0'), ""},
   };

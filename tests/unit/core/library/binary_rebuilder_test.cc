@@ -41,7 +41,7 @@ CancelToken Soon() {
 }
 
 // A budget that holds one tree, with room for one rebuild of it and not for two. Memory that
-// somebody else holds makes a rebuild stop at its reservation until the test lets it go on.
+// the test holds makes a rebuild stop at its reservation until the test lets it go on.
 class BinaryRebuilderTest : public testing::Test {
  protected:
   BinaryRebuilderTest()
@@ -60,7 +60,7 @@ class BinaryRebuilderTest : public testing::Test {
   void WaitUntilHeld() { is_at_reservation_.get_future().wait(); }
   void LetGoOn() { may_go_on_.set_value(); }
   std::uint64_t UsedByRebuilds() const { return budget_.used() - OwnBytes(scene_); }
-  // One who asks in a thread of its own.
+  // A request in a thread of its own.
   class Asker {
    public:
     explicit Asker(BinaryRebuilderTest* test)

@@ -68,7 +68,7 @@ class Calendar {
     ASSERT_TRUE(library.ok());
     break_disk(&disk);
     Day day = LiveThrough(library->get());
-    // One who dies while he deletes may have done it; one who lives has not.
+    // A process that ended during a deletion may have done it; one that goes on has not.
     if (!dies) {
       day.acknowledged.insert(day.acknowledged.end(), day.not_deleted.begin(),
                               day.not_deleted.end());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Builds that were cut off resume at the next start, but not for ever: one that ends the process
-// each time waits until somebody asks for its tree.
+// each time waits until its tree is requested.
 #include <gtest/gtest.h>
 
 #include <chrono>

@@ -272,7 +272,7 @@ TEST_F(LibraryStartTest, AFolderThatGoesWhileItRunsIsNeverAnsweredWithSuccess) {
     const auto added = Upload(library_.get(), SphereBytes(7, 3));
     for (const auto* answer : {&again, &added}) {
       ASSERT_FALSE(answer->ok()) << folder;
-      EXPECT_EQ(answer->error().code, ErrorCode::kIo) << "nobody asked for a name";
+      EXPECT_EQ(answer->error().code, ErrorCode::kIo) << "not kNotFound: no name was requested";
     }
     const core::Status deleted = library_->Delete(id);
     if (std::string(folder) == "catalog") {

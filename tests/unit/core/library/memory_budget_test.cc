@@ -165,7 +165,7 @@ TEST(MemoryBudget, NobodyWaitsLongerThanIsStated) {
   clock.Move(milliseconds(1));
   large.Join();
   EXPECT_EQ(large.code(), ErrorCode::kMemoryFull);
-  EXPECT_TRUE(budget.TryReserve(40).has_value()) << "and nobody has a turn any more";
+  EXPECT_TRUE(budget.TryReserve(40).has_value()) << "and the turn has ended";
 }
 
 TEST(MemoryBudget, WhenTooManyWaitTheNextIsRefusedAtOnce) {
@@ -194,7 +194,7 @@ TEST(MemoryBudget, StopsWaitingWhenAskedTo) {
   const auto cancelled = budget.Reserve(50, token);
   ASSERT_FALSE(cancelled.ok());
   EXPECT_EQ(cancelled.error().code, ErrorCode::kCancelled);
-  EXPECT_TRUE(budget.TryReserve(40).has_value()) << "nobody waits any more";
+  EXPECT_TRUE(budget.TryReserve(40).has_value()) << "no waiter is left";
 }
 
 TEST(MemoryBudget, AFailureWhileOneWaitsLeavesNobodyInTheLine) {

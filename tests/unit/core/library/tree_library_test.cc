@@ -273,8 +273,8 @@ TEST_F(TreeLibraryTest, AProblemIsForgottenAfterItsTime) {
                               std::chrono::minutes(1)));
 }
 
-// A library whose memory is just what the build of a large mesh needs: while anybody holds the
-// small one, the large one waits.
+// A library whose memory is just what the build of a large mesh needs: while the
+// small one is held, the large one waits.
 class FullMemoryTest : public LibraryTest {
  protected:
   static constexpr int kRings = 20;
@@ -452,7 +452,7 @@ TEST_F(FullMemoryTest, ShuttingDownTellsAllWhoWaitAndTheBuildResumes) {
   });
   library_->Shutdown();
   client.join();
-  EXPECT_FALSE(library_->Load(large, Soon()).ok()) << "and nobody waits after it";
+  EXPECT_FALSE(library_->Load(large, Soon()).ok()) << "and no load waits after it";
   held.reset();
   Open();
   EXPECT_TRUE(library_->Load(large, Soon()).ok());

@@ -30,7 +30,7 @@ Sha256Digest MeshOf(int number) {
   return mesh;
 }
 
-// A registry with a clock that the test moves, and tasks that nobody runs.
+// A registry with a clock that the test moves, and tasks that are not run.
 class TreeRegistryTest : public testing::Test {
  protected:
   using Need = TreeRegistry::Need;

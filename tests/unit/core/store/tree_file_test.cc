@@ -107,8 +107,7 @@ StoredTree StoreSphere(BuildKind build) {
   return stored;
 }
 
-// Gives a file that was changed on purpose a digest that fits, as one who writes such a file on
-// purpose would.
+// Gives a changed file a digest that fits, as an attacker would.
 void FixDigest(FileBytes* bytes) {
   const std::size_t payload = bytes->size() - 32;
   const Sha256Digest digest = HashBytes(std::span<const std::byte>(*bytes).first(payload));

@@ -176,7 +176,7 @@ TEST(CancelledCells, EndWhileTheTreeIsBuiltAgain) {
       CancelDuring(milliseconds(20),
                    [&](const CancelToken& token) { return StatusOf(scene.Cells(3, 1000, token)); }),
       "Cells");
-  EXPECT_TRUE(scene.Cells(3, 1000).ok()) << "the next one asks in vain";
+  EXPECT_TRUE(scene.Cells(3, 1000).ok()) << "the next call fails";
 }
 
 TEST(CancelledPicture, EncodingEndsInALargePicture) {
