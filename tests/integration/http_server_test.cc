@@ -1,152 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
-// The adaptor on a real socket, with a handler that tells what reached it.
+// The adaptor on a real socket: requests, answers, refusals, clients that leave, and its end.
+// http_server_limits_test.cc has its deadlines and its limit of connections.
 #include "server/http/http_server.h"
 
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <chrono>
 #include <future>
-#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "tests/integration/http_server_fixture.h"
 #include "tests/support/raw_client.h"
-#include "tests/support/recording_handler.h"
 
 namespace kdray::server {
 namespace {
 
 using namespace std::chrono_literals;
-using api::ErrorCode;
 using test::Ask;
 using test::MakeRequest;
 using test::RawClient;
-
-/// Answers 200 with `METHOD path body`; some paths do something else.
-class EchoHandler final : public test::RecordingHandler {
- public:
-  HttpResponse Handle(const HttpRequest& request) override {
-    ++handled;
-    HttpResponse response;
-    if (request.path == "/throw") throw std::runtime_error("secret /etc/x");
-    if (request.path == "/throw-other") throw 42;
-    if (request.path == "/throw-memory") throw std::bad_alloc();
-    if (request.path == "/throw-always") {
-      throws_always = true;
-      throw std::runtime_error("secret");
-    }
-    if (request.path == "/throw-in-body") {
-      response.body = HttpBody::Streamed(100, [](std::uint64_t, std::span<std::byte>) -> bool {
-        throw std::runtime_error("secret");
-      });
-      return response;
-    }
-    if (request.path == "/empty") {
-      response.status = 204;
-      return response;
-    }
-    if (request.path == "/refuse-unread") {
-      response.status = 413;
-      return response;
-    }
-    if (request.path == "/large") {
-      response.body = std::string(8 << 20, 'x');
-      return response;
-    }
-    if (request.path == "/streamed") {
-      response.body =
-          HttpBody::Streamed(300'000, [](std::uint64_t offset, std::span<std::byte> out) {
-            for (std::size_t i = 0; i < out.size(); ++i) {
-              out[i] = static_cast<std::byte>('a' + (offset + i) % 26);
-            }
-            return true;
-          });
-      return response;
-    }
-    if (request.path == "/pieces") {
-      std::vector<api::ByteBlock> pieces;
-      char next = 'a';
-      for (std::size_t left = 300'000, size = 1; left > 0; left -= size) {
-        size = std::min(3 * size + 1, left);
-        pieces.emplace_back(size);
-        for (std::size_t i = 0; i < size; ++i) {
-          pieces.back().data()[i] = next;
-          next = next == 'z' ? 'a' : static_cast<char>(next + 1);
-        }
-      }
-      response.body = HttpBody(std::move(pieces), nullptr);
-      return response;
-    }
-    if (request.path == "/wait") WorkUntilLetGo(request);
-    std::string text = request.method + " " + request.path + " ";
-    if (const auto problem = ReadBody(request, &text)) return Refuse(request, *problem);
-    response.body = std::move(text);
-    response.headers.Add("Content-Type", "text/plain");
-    response.headers.Add("X-Split", "a\r\nSet-Cookie: b");
-    return response;
-  }
-
-  void ConnectionDropped(DropReason reason) noexcept override {
-    ++(reason == DropReason::kEvicted ? evicted : refused);
-  }
-
-  HttpResponse Refuse(const HttpRequest& request, const api::Problem& problem) override {
-    if (throws_always.exchange(false)) throw std::logic_error("secret");
-    return RecordingHandler::Refuse(request, problem);
-  }
-
-  std::atomic<bool> throws_always{false};
-  std::atomic<int> handled{0};
-  std::atomic<int> evicted{0}, refused{0};
-};
-
-class HttpServerTest : public testing::Test {
- protected:
-  explicit HttpServerTest(HttpServerOptions options = {})
-      : server_(WithFreePort(options), handler_) {
-    const auto problem = server_.Bind();
-    EXPECT_FALSE(problem) << *problem;
-    server_.Start();
-  }
-  ~HttpServerTest() override {
-    handler_.let_go = true;
-    server_.Stop();
-  }
-  static HttpServerOptions WithFreePort(HttpServerOptions options) {
-    options.port = 0;
-    return options;
-  }
-  int port() const { return server_.port(); }
-
-  EchoHandler handler_;
-  HttpServer server_;
-};
-
-/// Deadlines that a test can wait for.
-class ImpatientHttpServer : public HttpServerTest {
- protected:
-  ImpatientHttpServer() : HttpServerTest(Impatient()) {}
-  static HttpServerOptions Impatient() {
-    HttpServerOptions options;
-    options.head_timeout = 200ms;
-    options.idle_timeout = 200ms;
-    options.body_pace = {.grace = 200ms, .bytes_per_second = 100'000, .stall = 200ms};
-    options.answer_pace = options.body_pace;
-    return options;
-  }
-};
-
-class CrowdedHttpServer : public HttpServerTest {
- protected:
-  CrowdedHttpServer() : HttpServerTest(Crowded()) {}
-  static HttpServerOptions Crowded() {
-    HttpServerOptions options;
-    options.max_connections = 2;
-    return options;
-  }
-};
 
 TEST_F(HttpServerTest, AnswersARequestAndKeepsTheConnection) {
   RawClient client(port());
@@ -475,132 +349,6 @@ TEST_F(HttpServerTest, StopsWithoutWaitingForClients) {
   const auto start = std::chrono::steady_clock::now();
   server_.Stop();
   EXPECT_LT(std::chrono::steady_clock::now() - start, 2s);
-}
-
-TEST_F(ImpatientHttpServer, CutsAHeadThatDribbles) {
-  RawClient client(port());
-  const auto start = std::chrono::steady_clock::now();
-  std::optional<test::RawAnswer> answer;
-  for (const char c : MakeRequest("GET", "/echo", "", "X: " + std::string(100, 'y') + "\r\n")) {
-    client.Send(std::string(1, c));
-    if ((answer = client.Read(20ms))) break;
-  }
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->body, "request_timeout");
-  EXPECT_EQ(answer->status, 408);
-  EXPECT_LT(std::chrono::steady_clock::now() - start, 1s);
-}
-
-TEST_F(ImpatientHttpServer, CutsABodyThatDribbles) {
-  RawClient client(port());
-  client.Send("POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 100000\r\n\r\n");
-  std::optional<test::RawAnswer> answer;
-  for (int i = 0; i < 100 && !answer; ++i) {
-    client.Send("x");
-    answer = client.Read(20ms);
-  }
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->body, "request_timeout");
-}
-
-TEST_F(ImpatientHttpServer, LetsABodyTakeItsTimeWhileItKeepsThePace) {
-  // 60 kB at 100 kB/s: some 600 ms, three times the grace.
-  RawClient client(port());
-  client.Send("POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 60000\r\n\r\n");
-  for (int i = 0; i < 12; ++i) {
-    client.Send(std::string(5000, 'x'));
-    std::this_thread::sleep_for(45ms);  // real time: the pace is what is tested
-  }
-  const auto answer = client.Read();
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->body.size(), 60'000 + std::string_view("POST /echo ").size());
-}
-
-TEST_F(ImpatientHttpServer, ClosesAConnectionThatSaysNothing) {
-  RawClient silent(port());
-  EXPECT_TRUE(silent.IsClosed(2s));
-  RawClient idle(port());
-  idle.Send(MakeRequest("GET", "/echo"));
-  ASSERT_TRUE(idle.Read());
-  EXPECT_TRUE(idle.IsClosed(2s));
-  EXPECT_EQ(handler_.Records().size(), 1U);
-}
-
-TEST_F(ImpatientHttpServer, GivesUpOnAClientThatDoesNotRead) {
-  RawClient client(port());
-  client.Send(MakeRequest("GET", "/large"));
-  EXPECT_FALSE(handler_.RecordOf("/large").complete);
-}
-
-TEST_F(CrowdedHttpServer, ClosesTheLongestIdleConnectionToLetANewOneIn) {
-  RawClient first(port()), second(port());
-  first.Send(MakeRequest("GET", "/echo"));
-  ASSERT_TRUE(first.Read());
-  // Real time: a connection counts as idle a moment after its answer, which nothing tells.
-  std::this_thread::sleep_for(20ms);
-  second.Send(MakeRequest("GET", "/echo"));
-  ASSERT_TRUE(second.Read());
-  std::this_thread::sleep_for(20ms);
-  RawClient third(port());
-  third.Send(MakeRequest("GET", "/third"));
-  EXPECT_EQ(third.Read()->body, "GET /third ");
-  EXPECT_TRUE(first.IsClosed(2s));
-  second.Send(MakeRequest("GET", "/echo"));
-  EXPECT_TRUE(second.Read());
-}
-
-TEST_F(CrowdedHttpServer, ClosesTheSlowestHeadToLetANewOneIn) {
-  RawClient first(port()), second(port());
-  first.Send("GET /echo HTTP/1.1\r\nHo");
-  std::this_thread::sleep_for(30ms);  // real time: slow is what has begun long ago
-  second.Send("GET /echo HTTP/1.1\r\nHo");
-  std::this_thread::sleep_for(30ms);
-  EXPECT_EQ(Ask(port(), MakeRequest("GET", "/third"))->body, "GET /third ");
-  EXPECT_TRUE(first.IsClosed(2s));
-  second.Send("st: h\r\n\r\n");
-  EXPECT_EQ(second.Read()->body, "GET /echo ");
-  EXPECT_EQ(handler_.evicted, 1);
-}
-
-TEST_F(CrowdedHttpServer, ClosesTheLatestBodyToLetANewOneIn) {
-  RawClient first(port()), second(port());
-  for (RawClient* client : {&first, &second}) {
-    client->Send("POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 8\r\n\r\nhalf");
-    std::this_thread::sleep_for(400ms);  // real time: late is what has been slow for half a second
-  }
-  EXPECT_EQ(Ask(port(), MakeRequest("GET", "/third"))->body, "GET /third ");
-  EXPECT_TRUE(first.IsClosed(2s));
-  second.Send("half");
-  EXPECT_EQ(second.Read()->body, "POST /echo halfhalf");
-}
-
-TEST_F(CrowdedHttpServer, ClosesAReaderThatDoesNotReadToLetANewOneIn) {
-  RawClient first(port()), second(port());
-  for (RawClient* client : {&first, &second}) client->Send(MakeRequest("GET", "/large"));
-  std::this_thread::sleep_for(700ms);  // real time: late is what has been slow for half a second
-  EXPECT_EQ(Ask(port(), MakeRequest("GET", "/third"))->body, "GET /third ");
-  EXPECT_EQ(handler_.evicted, 1);
-}
-
-TEST_F(CrowdedHttpServer, RefusesAtOnceWhenEveryConnectionIsBusy) {
-  RawClient first(port()), second(port());
-  for (RawClient* client : {&first, &second}) {
-    client->Send(MakeRequest("GET", "/wait"));
-    handler_.WaitUntilWorking(client == &first ? 1 : 2);
-  }
-  for (int i = 0; i < 5; ++i) {
-    const auto start = std::chrono::steady_clock::now();
-    const auto answer = Ask(port(), MakeRequest("GET", "/echo"));
-    ASSERT_TRUE(answer);
-    EXPECT_EQ(answer->status, 503);
-    EXPECT_EQ(answer->body, "overloaded");
-    EXPECT_LT(std::chrono::steady_clock::now() - start, 500ms);
-  }
-  EXPECT_EQ(handler_.refused, 5);
-  handler_.let_go = true;
-  EXPECT_TRUE(first.Read());
-  EXPECT_TRUE(second.Read());
-  EXPECT_EQ(Ask(port(), MakeRequest("GET", "/echo"))->status, 200);
 }
 
 }  // namespace
