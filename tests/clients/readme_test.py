@@ -24,8 +24,8 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 KDRAYD, KDRAY = sys.argv[1:3]
 USUAL_URL = "http://127.0.0.1:8080"
 
-# Commands that build everything, that run this test, or that need Docker; and the start of the daemon, which runs here already.
-NOT_RUN = {"server/run --demo", "tests/run", "server/run &", "docker build -t kdray .",
+# Commands that build everything or need Docker; and the start of the daemon, which runs here already.
+NOT_RUN = {"server/run --demo", "server/run", "docker build -t kdray .",
            "docker run -p 8080:8080 -v kdray:/var/lib/kdray kdray",
            # install_test.py makes the packages of the programs that are built already.
            "server/dependencies.sh build package", "sudo apt install ./build/package/kdray_*.deb",
@@ -199,7 +199,8 @@ class PictureTest(unittest.TestCase):
         bunny = meshes / "stanford_bunny_69k_ascii.ply"
         if not bunny.exists():
             self.skipTest(f"{bunny} is not there")
-        query = re.search(r"^GET …/(render\.png\?.*)$", (ROOT / "README.md").read_text(), re.MULTILINE)[1]
+        query = re.search(r"^GET …/(render\.png\?.*(?:\n +&.*)*)$", (ROOT / "README.md").read_text(), re.MULTILINE)[1]
+        query = "".join(query.split())  # of several lines
         with Daemon(KDRAYD) as daemon:
             trees = daemon.url + "/v1/trees"
             tree = urllib.request.urlopen(trees, bunny.read_bytes()).headers["Location"]
