@@ -169,26 +169,12 @@ void QueryVisibility(const Options& options, Session& session) {
   Report(options, session, id, "points", from, facts);
 }
 
-Option TreeOption(std::string* value) {
-  return {.name = "tree",
-          .help = "Tree, or a mesh to upload first: a file, or - for standard input",
-          .value = value,
-          .type = "ID|FILE",
-          .required = true};
-}
-
 Option OutputOption(std::string* value, const char* what) {
   return {.name = "-o,--output",
           .help = std::string(what) + " to write: .npy, .json, or - for standard output (.npy)",
           .value = value,
           .type = "FILE",
           .required = true};
-}
-
-void AddFields(Subcommand& command, std::span<const Field> fields, Options& options) {
-  for (std::size_t i = 0; i < fields.size(); ++i) {
-    command.options.push_back(FieldOption(fields[i], &options.values[i]));
-  }
 }
 
 }  // namespace
@@ -215,7 +201,7 @@ Subcommand RaysCommand(Session& session) {
                    .help = "All hits; .npy: one list, with the number of the ray",
                    .value = &options->all}},
       .run = [options, &session] { QueryRays(*options, session); }};
-  AddFields(command, kRayFields, *options);
+  AddFieldOptions(&command, kRayFields, options->values);
   return command;
 }
 
@@ -238,7 +224,7 @@ Subcommand PointsCommand(Session& session) {
                    .help = "Only whether each point is inside",
                    .value = &options->inside}},
       .run = [options, &session] { QueryPoints(*options, session); }};
-  AddFields(command, kPointFields, *options);
+  AddFieldOptions(&command, kPointFields, options->values);
   return command;
 }
 
@@ -270,7 +256,7 @@ Subcommand VisibilityCommand(Session& session) {
                    .help = "Eight pairs in a byte, in the order of numpy.packbits",
                    .value = &options->bits}},
       .run = [options, &session] { QueryVisibility(*options, session); }};
-  AddFields(command, kVisibilityFields, *options);
+  AddFieldOptions(&command, kVisibilityFields, options->values);
   return command;
 }
 

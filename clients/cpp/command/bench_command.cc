@@ -118,11 +118,7 @@ Subcommand BenchCommand(Session& session) {
   auto options = std::make_shared<Options>();
   return {.name = "bench",
           .help = "Measure how fast a running server answers: requests, rays and pixels a second",
-          .options = {{.name = "tree",
-                       .help = "Tree, or a mesh to upload first: a file, or - for standard input",
-                       .value = &options->tree,
-                       .type = "ID|FILE",
-                       .required = true},
+          .options = {TreeOption(&options->tree),
                       {.name = "--seconds",
                        .help = "Time for each kind of request; 0 sends one of each",
                        .value = &options->seconds,

@@ -174,11 +174,7 @@ Subcommand RenderCommand(Session& session) {
   Subcommand command = {
       .name = "render",
       .help = "Picture of a tree's mesh, as .png or .npy",
-      .options = {{.name = "tree",
-                   .help = "Tree, or a mesh to upload first: a file, or - for standard input",
-                   .value = &options->tree,
-                   .type = "ID|FILE",
-                   .required = true},
+      .options = {TreeOption(&options->tree),
                   {.name = "-o,--output",
                    .help = "Picture to write: .png, .npy, or - for standard output (a PNG)",
                    .value = &options->output,
@@ -195,9 +191,7 @@ Subcommand RenderCommand(Session& session) {
                    .type = "N",
                    .range = Option::Range{1, 10000}}},
       .run = [options, &session] { Render(*options, session); }};
-  for (std::size_t i = 0; i < kFields.size(); ++i) {
-    command.options.push_back(FieldOption(kFields[i], &options->values[i]));
-  }
+  AddFieldOptions(&command, kFields, options->values);
   return command;
 }
 

@@ -194,11 +194,7 @@ Subcommand ScanCommand(Session& session) {
   Subcommand command = {
       .name = "scan",
       .help = "Points that a laser scanner sees, as an array or a point cloud; misses are left out",
-      .options = {{.name = "tree",
-                   .help = "Tree, or a mesh to upload first: a file, or - for standard input",
-                   .value = &options->tree,
-                   .type = "ID|FILE",
-                   .required = true},
+      .options = {TreeOption(&options->tree),
                   {.name = "-o,--output",
                    .help = "Points to write: .npy of shape (N, 3), .ply, or - for standard output "
                            "(.npy)",
@@ -216,9 +212,7 @@ Subcommand ScanCommand(Session& session) {
                    .value = &options->elevations,
                    .type = "DEGREES"}},
       .run = [options, &session] { RunScan(*options, session); }};
-  for (std::size_t i = 0; i < kFields.size(); ++i) {
-    command.options.push_back(FieldOption(kFields[i], &options->values[i]));
-  }
+  AddFieldOptions(&command, kFields, options->values);
   return command;
 }
 

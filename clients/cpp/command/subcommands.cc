@@ -6,6 +6,8 @@
 
 namespace kdray::client {
 
+namespace {
+
 Option FieldOption(const Field& field, std::string* value) {
   std::string name = std::string("--") + field.name;
   std::replace(name.begin(), name.end(), '_', '-');
@@ -15,6 +17,8 @@ Option FieldOption(const Field& field, std::string* value) {
           .type = field.type,
           .values = SplitAtCommas(field.values)};
 }
+
+}  // namespace
 
 Parameters ParametersOf(std::span<const Field> fields, std::span<const std::string> values) {
   Parameters parameters;
@@ -32,6 +36,21 @@ std::vector<std::string> SplitAtCommas(std::string_view text) {
     text.remove_prefix(std::min(comma + 1, text.size()));
   }
   return words;
+}
+
+Option TreeOption(std::string* value) {
+  return {.name = "tree",
+          .help = "Tree, or a mesh to upload first: a file, or - for standard input",
+          .value = value,
+          .type = "ID|FILE",
+          .required = true};
+}
+
+void AddFieldOptions(Subcommand* command, std::span<const Field> fields,
+                     std::span<std::string> values) {
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    command->options.push_back(FieldOption(fields[i], &values[i]));
+  }
 }
 
 }  // namespace kdray::client

@@ -49,7 +49,6 @@ struct Field {
   const char* help;
   const char* values = "";  ///< known values, comma-separated
 };
-Option FieldOption(const Field& field, std::string* value);
 
 /// The parameters of a request: the fields whose values are not empty. @pre equally many.
 Parameters ParametersOf(std::span<const Field> fields, std::span<const std::string> values);
@@ -64,6 +63,13 @@ struct Subcommand {
   std::string footer = {};    ///< end of its help; that of `kdray --help` if empty
   std::function<void()> run;  ///< called when all options have their values; may throw
 };
+
+/// The argument `tree` of commands that ask a tree, or upload a mesh first.
+Option TreeOption(std::string* value);
+
+/// Adds an option for each field. @pre at least as many values.
+void AddFieldOptions(Subcommand* command, std::span<const Field> fields,
+                     std::span<std::string> values);
 
 // `session` must live as long as what these return.
 Subcommand UploadCommand(Session& session);

@@ -71,11 +71,7 @@ Subcommand TradeoffCommand(Session& session) {
   return {
       .name = "tradeoff",
       .help = "Measure speed and accuracy on a mesh: every build with every precision",
-      .options = {{.name = "tree",
-                   .help = "Tree, or a mesh to upload first: a file, or - for standard input",
-                   .value = &options->tree,
-                   .type = "ID|FILE",
-                   .required = true},
+      .options = {TreeOption(&options->tree),
                   {.name = "--again",
                    .help = "Measure even if it was measured before",
                    .value = &options->again},
