@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # The daemon in a container:
 #   docker build -t kdray . && docker run -p 8080:8080 -v kdray:/var/lib/kdray kdray
-# --build-arg DEBIAN=trixie builds on Debian 13 instead of 12.
+# --build-arg BASE=debian:trixie-slim builds on Debian 13 instead of 12.
 # Every option of kdrayd is also an environment variable: KDRAY_MEMORY_LIMIT=2GiB, KDRAY_TOKEN_FILE=/run/secrets/tokens, ...
 
-ARG DEBIAN=bookworm
-FROM debian:bookworm-slim AS bookworm
-FROM debian:trixie-slim AS trixie
-
-FROM ${DEBIAN} AS build
+ARG BASE
+FROM ${BASE:-debian:bookworm-slim} AS build
 WORKDIR /src
 # Before the sources, so this layer is rebuilt only when the list changes.
 COPY server/dependencies.sh server/
@@ -16,7 +13,7 @@ RUN server/dependencies.sh build && rm -rf /var/lib/apt/lists/*
 COPY . .
 RUN cmake/build.sh release kdrayd kdray && strip build/release/bin/kdrayd build/release/bin/kdray
 
-FROM ${DEBIAN}
+FROM ${BASE:-debian:bookworm-slim}
 COPY server/dependencies.sh /tmp/
 RUN /tmp/dependencies.sh run && rm -rf /var/lib/apt/lists/* /tmp/dependencies.sh
 RUN useradd --system --uid 8080 --user-group --no-create-home --shell /usr/sbin/nologin kdray \
