@@ -18,11 +18,13 @@ test('the example of the README uploads, casts a million rays and renders', asyn
   try {
     const mesh = join(daemon.folder, 'sphere.ply');
     await writeFile(mesh, plyOf(...Object.values(shapes.sphere())));
+    const saved = join(daemon.folder, 'teapot.png');
     const program = join(daemon.folder, 'example.mjs');
     await writeFile(program, `${example
       .replace("'kdray'", `'${new URL('src/index.js', PACKAGE)}'`)
       .replace('http://127.0.0.1:8080', daemon.url)
       .replace('teapot.ply', mesh)
+      .replace('teapot.png', saved)
       .replace('console.log(phase, fraction)', 'seen.push(phase)')
       .replace('const client', 'const seen = [];\nconst client')}
       export { seen, t, triangle, precision, picture };`);
@@ -31,6 +33,7 @@ test('the example of the README uploads, casts a million rays and renders', asyn
     assert.deepEqual([t.length, triangle.length, precision], [1_000_000, 1_000_000, 'double']);
     assert.ok(t.every((distance) => distance > 8 && distance < 9)); // down onto a sphere of radius 1
     assert.ok(picture.bytes.length > 1000);
+    assert.deepEqual(new Uint8Array(await readFile(saved)), picture.bytes);
   } finally {
     await daemon.close();
   }
