@@ -7,6 +7,7 @@ packages. A machine without systemd runs the unit's own commands.
 import gzip
 import os
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -56,7 +57,7 @@ class UnitProcess:
 
     def reload(self):
         command = dict(self.settings)["ExecReload"].replace("$MAINPID", str(self.process.pid))
-        subprocess.run(command.split(), check=True)
+        subprocess.run(shlex.split(command), check=True)
 
     def stop(self):
         self.process.send_signal(signal.SIGTERM)
