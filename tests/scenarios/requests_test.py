@@ -16,6 +16,7 @@ from service import Service, bumpy, rays, tetrahedron
 
 KDRAYD = sys.argv[1]
 MIB = 2**20
+SANITIZED = bool(os.environ.get("KDRAY_SANITIZE"))  # with memory of the sanitizer's own
 TOKEN = "a-token-of-this-test"
 
 
@@ -85,7 +86,8 @@ class RequestsTest(unittest.TestCase):
                     answer = json.loads(answer)
                 self.assertIn(status, (400, 413, 422), (name, answer))
                 self.assertTrue(answer["detail"], name)
-            self.assertLess(peak_mib(service) - before, 16)
+            if not SANITIZED:
+                self.assertLess(peak_mib(service) - before, 16)
             self.assertEqual(service.ask("GET", "/v1/trees")[1].count(b'"id"'), 1)
 
     def test_S06_json_that_is_deep_or_long_is_refused_within_four_times_its_bytes(self):
@@ -102,7 +104,8 @@ class RequestsTest(unittest.TestCase):
                 start = time.monotonic()
                 status, answer = service.ask("POST", path, body)
                 self.assertIn(status, (400, 413), (name, answer[:200]))
-                self.assertLess(peak_mib(service) - before, 4 * len(body) / MIB + 16, name)
+                if not SANITIZED:
+                    self.assertLess(peak_mib(service) - before, 4 * len(body) / MIB + 16, name)
                 self.assertLess(time.monotonic() - start, 10, name)
 
     def await_idle(self, service, seconds):
