@@ -138,6 +138,9 @@ struct BackendCounters {
   std::uint64_t unreadable_meshes = 0;  ///< meshes of trees, damaged or missing and not repaired
   std::uint64_t binary_rebuilds = 0;    ///< binary trees rebuilt for cells
   std::uint64_t attribute_reads = 0;    ///< mesh files read for their attributes
+  std::uint64_t memory_limit_bytes = 0;
+  std::optional<std::uint64_t> store_limit_bytes;  ///< nullopt: as much as the disk holds
+  std::optional<std::uint64_t> store_free_bytes;   ///< of the disk; nullopt if it does not say
 };
 
 /// Every method is safe from many threads at once and may block the calling thread; none throws on

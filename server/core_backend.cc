@@ -5,7 +5,10 @@
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
+#include <filesystem>
+#include <optional>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -28,6 +31,14 @@ api::Problem StillBuilding(double progress) {
 api::Problem NotMeasured() {
   return {.code = api::ErrorCode::kNotMeasured,
           .detail = "nothing has been measured for this tree; POST starts a measurement"};
+}
+
+/// What the disk of `folder` has left for this process.
+std::optional<std::uint64_t> FreeBytes(const std::filesystem::path& folder) {
+  std::error_code error;
+  const std::filesystem::space_info space = std::filesystem::space(folder, error);
+  if (error) return std::nullopt;
+  return space.available;
 }
 
 class CoreMeshBytes final : public MeshBytes {
@@ -64,7 +75,11 @@ class CoreMeshUpload final : public MeshUpload {
 class LibraryBackend final : public Backend {
  public:
   LibraryBackend(const CoreBackendOptions& options, std::unique_ptr<core::TreeLibrary> library)
-      : runner_{options.limits, QueryArenas(options.threads)}, library_(std::move(library)) {}
+      : data_dir_(options.data_dir),
+        memory_limit_bytes_(options.memory_limit_bytes),
+        store_limit_bytes_(options.store_limit_bytes),
+        runner_{options.limits, QueryArenas(options.threads)},
+        library_(std::move(library)) {}
   ~LibraryBackend() override { Shutdown(); }
 
   api::Outcome<std::unique_ptr<MeshUpload>> BeginUpload(std::uint64_t size) override {
@@ -208,7 +223,10 @@ class LibraryBackend final : public Backend {
             c.unrecorded_meshes,
             c.unreadable_meshes,
             c.binary_rebuilds,
-            c.attribute_reads};
+            c.attribute_reads,
+            memory_limit_bytes_,
+            store_limit_bytes_,
+            FreeBytes(data_dir_)};
   }
 
  private:
@@ -221,6 +239,9 @@ class LibraryBackend final : public Backend {
     if (names.ok()) mesh->groups = *std::move(names);
   }
 
+  const std::filesystem::path data_dir_;
+  const std::uint64_t memory_limit_bytes_;
+  const std::optional<std::uint64_t> store_limit_bytes_;
   QueryRunner runner_;
   std::unique_ptr<core::TreeLibrary> library_;
 };

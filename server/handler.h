@@ -46,7 +46,8 @@ struct HandlerContext {
   RequestMemory& memory;
   Metrics& metrics;
   const Log& log;
-  const std::atomic<bool>& draining;  ///< the daemon is shutting down
+  const std::atomic<bool>& draining;     ///< the daemon is shutting down
+  std::uint64_t memory_limit_bytes = 0;  ///< of the whole daemon, for the metrics
   bool with_tokens = false;  ///< answers are for one client: shared caches must not keep them
 };
 

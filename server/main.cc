@@ -161,6 +161,7 @@ int Serve(const Config& config, const sigset_t& signals, const Log& log) {
                    .max_queued = config.max_queued,
                    .request_memory_bytes = config.RequestMemoryBytes(),
                    .memory_lender = (*backend)->memory(),
+                   .memory_limit_bytes = config.memory_limit_bytes,
                    .tokens = *std::move(tokens),
                    .cors = config.cors},
                   **backend, log);

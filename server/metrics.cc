@@ -204,7 +204,19 @@ void AppendCurrent(const CurrentValues& now, std::vector<MetricFamily>& families
   gauge("kdray_request_memory_bytes", "Memory of bodies, rows and images of running requests.",
         now.request_memory_bytes);
   gauge("kdray_library_memory_bytes", "Memory of meshes, trees and builds.", backend.memory_bytes);
+  gauge("kdray_library_memory_limit_bytes", "Most memory for meshes, trees and builds.",
+        backend.memory_limit_bytes);
+  gauge("kdray_memory_limit_bytes", "Most memory for the whole daemon (--memory-limit).",
+        now.memory_limit_bytes);
   gauge("kdray_store_bytes", "Disk space of meshes, trees and derived files.", backend.store_bytes);
+  if (backend.store_limit_bytes) {
+    gauge("kdray_store_limit_bytes", "Most disk space for them (--store-limit).",
+          *backend.store_limit_bytes);
+  }
+  if (backend.store_free_bytes) {
+    gauge("kdray_store_free_bytes", "Free space on the disk of the data directory.",
+          *backend.store_free_bytes);
+  }
   gauge("kdray_trees", "Tree ids that exist now.", backend.trees);
   gauge("kdray_unrecorded_meshes", "Stored meshes without a tree.", backend.unrecorded_meshes);
   gauge("kdray_unreadable_meshes", "Meshes of trees that are damaged or missing.",
@@ -225,6 +237,13 @@ void AppendCurrent(const CurrentValues& now, std::vector<MetricFamily>& families
           backend.damaged_files);
   counter("kdray_dropped_log_lines_total", "Log lines dropped because nobody read them.",
           now.dropped_log_lines);
+  gauge("process_resident_memory_bytes", "Memory of the process, as the system counts it.",
+        now.process.resident_bytes);
+  gauge("process_open_fds", "Open file descriptors.", now.process.open_descriptors);
+  gauge("process_max_fds", "Most open file descriptors.", now.process.max_descriptors);
+  families.push_back(Single(MetricType::Counter, "process_cpu_seconds_total",
+                            "Processor time of all threads, user and system.",
+                            now.process.cpu_seconds));
 }
 
 }  // namespace

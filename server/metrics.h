@@ -12,6 +12,7 @@
 
 #include "server/backend.h"
 #include "server/http/message.h"
+#include "server/process_values.h"
 
 namespace kdray::server {
 
@@ -22,7 +23,9 @@ struct CurrentValues {
   BackendCounters backend;
   std::size_t running = 0, queued = 0;  ///< requests with a turn, and in the queue before it
   std::uint64_t request_memory_bytes = 0;
+  std::uint64_t memory_limit_bytes = 0;  ///< of the whole daemon; 0: unknown
   std::uint64_t dropped_log_lines = 0;
+  ProcessValues process;
 };
 
 /// Counters and histograms. Every label comes from a closed set, so there are at most kMaxSeries
@@ -32,7 +35,7 @@ class Metrics {
   static constexpr std::size_t kMaxSeries = 200;
   /// Lines of kdray_http_requests_total. A pair of route and status gets its line when it first
   /// occurs. When this many are there, the route of a new pair is "other".
-  static constexpr std::size_t kMaxRequestSeries = 76;
+  static constexpr std::size_t kMaxRequestSeries = 66;
   static constexpr std::string_view kContentType = "text/plain; version=0.0.4; charset=utf-8";
 
   /// The routes' texts must outlive this.

@@ -97,6 +97,7 @@ Service::Service(ServiceOptions options, Backend& backend, const Log& log)
                .metrics = metrics_,
                .log = log_,
                .draining = draining_,
+               .memory_limit_bytes = options_.memory_limit_bytes,
                .with_tokens = options_.tokens.has_value()} {
   if (options_.tokens) tokens_.emplace(*options_.tokens);
 }

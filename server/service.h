@@ -33,7 +33,8 @@ struct ServiceOptions {
   /// `memory_lender`, if there is one (RequestMemory).
   std::uint64_t request_memory_bytes = std::uint64_t{1} << 30;
   core::MemoryBudget* memory_lender = nullptr;
-  std::optional<BearerTokens> tokens;  ///< nullopt: no token is needed
+  std::uint64_t memory_limit_bytes = 0;  ///< of the whole daemon, for the metrics
+  std::optional<BearerTokens> tokens;    ///< nullopt: no token is needed
   CorsPolicy cors;
   std::span<const Route> routes = Routes();
 };

@@ -13,6 +13,7 @@
 #include "server/pages/contract_page.h"
 #include "server/pages/html.h"
 #include "server/pages/viewer_files.h"
+#include "server/process_values.h"
 
 namespace kdray::server {
 namespace {
@@ -76,7 +77,9 @@ api::Outcome<HttpResponse> GetMetrics(const HandlerContext& context, RoutedReque
                                         .running = context.admission.running(),
                                         .queued = context.admission.queued(),
                                         .request_memory_bytes = context.memory.used(),
-                                        .dropped_log_lines = context.log.dropped()});
+                                        .memory_limit_bytes = context.memory_limit_bytes,
+                                        .dropped_log_lines = context.log.dropped(),
+                                        .process = ReadProcessValues()});
   response.headers.Add("Content-Type", Metrics::kContentType);
   SetCaching(response, context, Caching::kNever);
   return response;

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <map>
 #include <set>
@@ -77,10 +78,18 @@ void CountEverything(Metrics& metrics) {
   metrics.GotTurn(1);
 }
 
+/// With those that a daemon may lack.
+CurrentValues AllValues() {
+  CurrentValues now;
+  now.backend.store_limit_bytes = 7;
+  now.backend.store_free_bytes = 8;
+  return now;
+}
+
 TEST(Metrics, HaveAtMost200SeriesWhateverClientsSend) {
   Metrics metrics(Routes());
   CountEverything(metrics);
-  const Exposition parsed = Parse(metrics.Text({}));
+  const Exposition parsed = Parse(metrics.Text(AllValues()));
   EXPECT_LE(parsed.series.size(), Metrics::kMaxSeries);
   std::size_t requests = 0;
   double counted = 0;
@@ -96,7 +105,7 @@ TEST(Metrics, HaveAtMost200SeriesWhateverClientsSend) {
 TEST(Metrics, FollowTheRulesOfPrometheusForNames) {
   Metrics metrics(Routes());
   CountEverything(metrics);
-  const Exposition parsed = Parse(metrics.Text({}));
+  const Exposition parsed = Parse(metrics.Text(AllValues()));
   EXPECT_GT(parsed.type.size(), 20U);
   for (const auto& [name, type] : parsed.type) {
     EXPECT_GT(parsed.help.at(name).size(), 10U) << name;
@@ -107,7 +116,8 @@ TEST(Metrics, FollowTheRulesOfPrometheusForNames) {
       EXPECT_EQ(name.find(word), std::string::npos) << name;
     }
     for (const char* ending : {"_count", "_sum", "_bucket"}) EXPECT_FALSE(name.ends_with(ending));
-    EXPECT_EQ(name.ends_with("_seconds"), type == "histogram" || name.starts_with("process_"))
+    EXPECT_EQ(name.ends_with("_seconds"),
+              type == "histogram" || name == "process_start_time_seconds")
         << name;
     EXPECT_THAT(type, testing::AnyOf("counter", "gauge", "histogram"));
   }
@@ -223,6 +233,43 @@ TEST(Metrics, ReadWhatOthersCount) {
   EXPECT_THAT(text, HasSubstr("\nkdray_dropped_log_lines_total 4\n"));
   EXPECT_THAT(text, HasSubstr("\nkdray_tree_builds_total 5\n"));
   EXPECT_THAT(text, HasSubstr("\nkdray_store_bytes 6\n"));
+}
+
+TEST(Metrics, TellLimitsOnlyIfThereAreAny) {
+  Metrics metrics(Routes());
+  CurrentValues now = AllValues();
+  now.memory_limit_bytes = 9;
+  now.backend.memory_limit_bytes = 5;
+  Exposition parsed = Parse(metrics.Text(now));
+  EXPECT_EQ(parsed.series["kdray_memory_limit_bytes"], 9);
+  EXPECT_EQ(parsed.series["kdray_library_memory_limit_bytes"], 5);
+  EXPECT_EQ(parsed.series["kdray_store_limit_bytes"], 7);
+  EXPECT_EQ(parsed.series["kdray_store_free_bytes"], 8);
+  EXPECT_EQ(Value(metrics, "kdray_store_limit_bytes"), -1);
+  EXPECT_EQ(Value(metrics, "kdray_store_free_bytes"), -1);
+}
+
+TEST(Metrics, TellWhatTheSystemSaysOfTheProcess) {
+  const ProcessValues before = ReadProcessValues();
+  const std::vector<char> memory(std::size_t{64} << 20, 1);
+  const int descriptor = ::dup(0);
+  ASSERT_GE(descriptor, 0);
+  volatile double work = 0;
+  while (ReadProcessValues().cpu_seconds < before.cpu_seconds + 0.02) work = work + 1;
+  const ProcessValues after = ReadProcessValues();
+  ::close(descriptor);
+  EXPECT_GE(after.resident_bytes, before.resident_bytes + memory.size() / 2);
+  EXPECT_EQ(after.open_descriptors, before.open_descriptors + 1);
+  EXPECT_GT(after.max_descriptors, after.open_descriptors);
+  Metrics metrics(Routes());
+  CurrentValues now;
+  now.process = after;
+  Exposition parsed = Parse(metrics.Text(now));
+  EXPECT_EQ(parsed.series["process_open_fds"], static_cast<double>(after.open_descriptors));
+  EXPECT_EQ(parsed.series["process_max_fds"], static_cast<double>(after.max_descriptors));
+  EXPECT_EQ(parsed.series["process_resident_memory_bytes"],
+            static_cast<double>(after.resident_bytes));
+  EXPECT_NEAR(parsed.series["process_cpu_seconds_total"], after.cpu_seconds, 1e-6);
 }
 
 TEST(Metrics, CountFromManyThreads) {
