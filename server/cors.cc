@@ -10,9 +10,10 @@ namespace kdray::server {
 namespace {
 
 constexpr std::string_view kMethods = "GET, HEAD, POST, DELETE";
-/// Those that the contract gives a meaning, except the ones that pages may always send.
+/// Those that the contract gives a meaning, except the ones that pages may always send. A browser
+/// compares names without regard to case.
 constexpr std::string_view kRequestHeaders =
-    "Authorization, Content-Encoding, Content-Type, If-None-Match, X-Request-Id";
+    "Authorization, Content-Encoding, Content-Type, If-None-Match, Traceparent, X-Request-Id";
 /// In addition to those whose names begin with Kdray-, and to the ones that pages may always read.
 constexpr std::array<std::string_view, 8> kExposed = {"Server-Timing", "Location",        "ETag",
                                                       "X-Request-Id",  "Retry-After",     "Allow",

@@ -5,6 +5,7 @@ Exits with 77 (skipped) if python3-distributed is not installed. The oracle is o
 without Dask.
 """
 import contextlib
+import json
 import os
 import sys
 import tempfile
@@ -85,6 +86,26 @@ class DaskTest(unittest.TestCase):
         self.same(self.tree.signed_distance(points), self.one.signed_distance(points))
         self.same(self.tree.inside(points), self.one.inside(points))
         self.same(self.tree.closest(rays[:0]), self.one.closest(rays[:0]))
+
+    def test_a_batch_on_all_servers_is_of_one_trace(self):
+        trace = "00-5bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01"
+        servers = kdray.dask.Servers(self.cluster, self.servers.urls, chunk_rows=1000,
+                                     traceparent=trace)
+        servers.tree(self.tree.id).any(some_rays(12000))
+        self.tree.any(some_rays(12000))  # on the same workers, of no trace
+
+        def traced(daemon):
+            lines = map(json.loads, Path(daemon.folder, "log").read_text().splitlines())
+            return [line for line in lines if line.get("trace_id") == trace.split("-")[1]]
+
+        deadline = time.monotonic() + 10
+        while sum(len(traced(daemon)) for daemon in self.daemons) < 12:
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.05)
+        rays = [line for daemon in self.daemons for line in traced(daemon)
+                if line["path"].endswith("/rays/any")]
+        self.assertEqual(len(rays), 12)
+        self.assertTrue(all(traced(daemon) for daemon in self.daemons))
 
     def test_from_file_to_file_it_is_the_same_and_tells_its_progress(self):
         rays = some_rays(10000).reshape(10, 1000, 6)

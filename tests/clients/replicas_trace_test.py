@@ -6,6 +6,7 @@ Exits with 77 (skipped) if HAProxy is not installed.
 """
 import hashlib
 import json
+import os
 import secrets
 import shutil
 import signal
@@ -82,6 +83,13 @@ class TraceTest(unittest.TestCase):
             tree.closest(np.tile([0.1, 0, 9, 0, 0, -1], (600_000, 1)).astype("<f4"))
         ids = self.check_trace(trace, 1 + 1 + 3)  # the tree, the limits, three parts
         self.assertTrue(all(text.startswith("kdray-") for text in ids))
+
+    def test_the_command_keeps_the_trace_of_its_environment(self):
+        trace = new_trace()
+        done = subprocess.run([KDRAY, "--server", self.replicas.url, "list"], capture_output=True,
+                              env=dict(os.environ, TRACEPARENT=trace))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.check_trace(trace, 1)
 
     @unittest.skipUnless(shutil.which("node"), "node is not installed")
     def test_the_javascript_package_keeps_the_trace(self):

@@ -108,6 +108,7 @@ HttpResponse Transport::Send(const HttpRequest& request) {
                               {"Accept-Encoding", "identity"},
                               {"X-Request-Id", request_id}};
   if (!options_.token.empty()) headers.emplace("Authorization", "Bearer " + options_.token);
+  if (!options_.traceparent.empty()) headers.emplace("traceparent", options_.traceparent);
   if (!request.accept.empty()) headers.emplace("Accept", request.accept);
   if (!request.content_digest.empty()) headers.emplace("Content-Digest", request.content_digest);
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "clients/cpp/command/session.h"
 
+#include <cstdlib>
 #include <filesystem>
 #include <ostream>
 
@@ -8,6 +9,7 @@
 #include "clients/cpp/command/progress_bar.h"
 #include "kdray/error.h"
 #include "kdray/find_tree.h"
+#include "kdray/trace_context.h"
 
 namespace kdray::client {
 
@@ -26,6 +28,12 @@ std::vector<Option> Session::Options() {
            .type = "TOKEN",
            .last_wins = true,
            .environment = "KDRAY_TOKEN"},
+          {.name = "--traceparent",
+           .help = "Trace of these requests (W3C Trace Context), which the servers log",
+           .value = &traceparent_,
+           .type = "TEXT",
+           .last_wins = true,
+           .environment = "TRACEPARENT"},
           {.name = "--timeout",
            .help = "Longest silence of the server to wait for, in seconds",
            .value = &timeout_s_,
@@ -40,11 +48,24 @@ std::vector<Option> Session::Options() {
            .value = &quiet_}};
 }
 
+std::string Session::Traceparent() const {
+  if (traceparent_.empty() || IsTraceparent(traceparent_)) return traceparent_;
+  // Other programs set the variable. An invalid one begins no trace, and is no error.
+  const char* const variable = std::getenv("TRACEPARENT");
+  if (variable != nullptr && variable == traceparent_) return {};
+  throw UsageError("the traceparent '" + traceparent_ +
+                   "' is invalid; it has the form 00-TRACE-SPAN-FLAGS with 32, 16 and 2 lower-case "
+                   "hexadecimal digits");
+}
+
 Client Session::Connect() const {
   // A line break in the token would end the header and begin another.
   if (token_.find_first_of("\r\n") != std::string::npos)
     throw UsageError("the token contains a line break");
-  return Client({.server = ParseServerUrl(server_), .token = token_, .timeout_s = timeout_s_});
+  return Client({.server = ParseServerUrl(server_),
+                 .token = token_,
+                 .traceparent = Traceparent(),
+                 .timeout_s = timeout_s_});
 }
 
 Payload Session::Read(const std::string& path) {

@@ -26,7 +26,7 @@ class Session {
  public:
   explicit Session(Console console) : console_(console) {}
 
-  /// --server, --token, --timeout, --json, --quiet. Their values go to this object.
+  /// --server, --token, --traceparent, --timeout, --json, --quiet. Their values go to this object.
   std::vector<Option> Options();
 
   /// A client for the chosen server. Throws UsageError if its address is invalid.
@@ -64,9 +64,12 @@ class Session {
   Console& console() { return console_; }
 
  private:
+  /// --traceparent, or "". Throws UsageError if it is invalid.
+  std::string Traceparent() const;
+
   Console console_;
   std::string server_ = "http://127.0.0.1:8080";
-  std::string token_;
+  std::string token_, traceparent_;
   int timeout_s_ = ClientOptions{}.timeout_s;
   bool quiet_ = false;
   bool json_ = false;

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <sstream>
 #include <string>
@@ -160,6 +161,29 @@ TEST_F(CommandTest, EveryRequestHasAnIdOfItsOwn) {
   const std::string first = seen.at(0).headers.find("x-request-id")->second;
   EXPECT_THAT(first, StartsWith("kdray-"));
   EXPECT_NE(first, seen.at(1).headers.find("x-request-id")->second);
+}
+
+TEST_F(CommandTest, TheTraceOfTheCallerGoesWithEveryRequest) {
+  const std::string trace = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01";
+  const auto last = [&] {
+    const test::SeenRequest request = service_.Seen().back();
+    const auto header = request.headers.find("traceparent");
+    return header == request.headers.end() ? "none" : header->second;
+  };
+  unsetenv("TRACEPARENT");
+  Run({"list"});
+  EXPECT_EQ(last(), "none");
+  EXPECT_EQ(Run({"--traceparent", trace, "list"}), kExitOk);
+  EXPECT_EQ(last(), trace);
+  EXPECT_EQ(Run({"--traceparent", "00-1-2-3", "list"}), kExitUsage);
+  EXPECT_THAT(err_.str(), HasSubstr("the traceparent '00-1-2-3' is invalid"));
+  setenv("TRACEPARENT", trace.c_str(), 1);
+  EXPECT_EQ(Run({"list"}), kExitOk);
+  EXPECT_EQ(last(), trace);
+  setenv("TRACEPARENT", "another program's", 1);
+  EXPECT_EQ(Run({"list"}), kExitOk) << "an invalid variable is no error";
+  EXPECT_EQ(last(), "none");
+  unsetenv("TRACEPARENT");
 }
 
 TEST_F(CommandTest, SaysThatNobodyListens) {

@@ -98,6 +98,9 @@ TEST(CorsPolicy, AnswersPreflightsOfAllowedOriginsAlone) {
   EXPECT_EQ(answer->headers.Find("Access-Control-Allow-Methods"), "GET, HEAD, POST, DELETE");
   EXPECT_NE(answer->headers.Find("Access-Control-Allow-Headers")->find("Authorization"),
             std::string::npos);
+  EXPECT_NE(answer->headers.Find("Access-Control-Allow-Headers")->find("Traceparent"),
+            std::string::npos)
+      << "tracing in a page adds it to every request";
   EXPECT_EQ(answer->headers.Find("Access-Control-Max-Age"), "7200");
   EXPECT_FALSE(policy.AnswerPreflight(Preflight("https://b.example")));
   EXPECT_FALSE(policy.AnswerPreflight(From("https://a.example", "OPTIONS")));

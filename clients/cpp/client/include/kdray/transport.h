@@ -16,6 +16,8 @@ namespace kdray::client {
 struct ClientOptions {
   ServerUrl server;
   std::string token = {};  ///< sent as `Authorization: Bearer` if not empty
+  /// The trace that all requests belong to (trace_context.h); empty sends none.
+  std::string traceparent = {};
   int connect_timeout_s = 10;
   /// The longest silence of the server before an answer; above its largest deadline_ms.
   int timeout_s = 660;
