@@ -56,6 +56,7 @@ libgtest-dev
 libpng-dev
 mypy
 nodejs
+prometheus
 python3-distributed
 python3-jsonschema
 python3-kubernetes
