@@ -161,8 +161,29 @@ class RulesTest(unittest.TestCase):
                     self.assertIn(action["port"], ports)
         for service in of_kind("Service"):
             self.assertIn(service["spec"]["selector"], labels)
-        for budget in of_kind("PodDisruptionBudget"):
-            self.assertIn(budget["spec"]["selector"]["matchLabels"], labels)
+        budgets = of_kind("PodDisruptionBudget")
+        self.assertEqual(len(budgets), len(labels))
+        for workload, own in zip(workloads(), labels):
+            budget, = (b["spec"] for b in budgets if b["spec"]["selector"]["matchLabels"] == own)
+            self.assertLess(budget["maxUnavailable"], workload["spec"]["replicas"])
+
+    def test_prometheus_finds_a_port_with_metrics_in_every_pod(self):
+        for workload in workloads():
+            template = workload["spec"]["template"]
+            notes = template["metadata"]["annotations"]
+            container = template["spec"]["containers"][0]
+            self.assertEqual((notes["prometheus.io/scrape"], notes["prometheus.io/path"]),
+                             ("true", "/metrics"))
+            self.assertIn(int(notes["prometheus.io/port"]),
+                          [port["containerPort"] for port in container["ports"]])
+        proxy = of_kind("Deployment")[0]["spec"]["template"]["spec"]["containers"][0]
+        port, = (p["containerPort"] for p in proxy["ports"] if p["name"] == "metrics")
+        self.assertEqual(variables(proxy)["KDRAY_METRICS_BIND"], f":{port}")
+
+    def test_no_pod_sees_the_disks_or_names_of_its_machine(self):
+        for workload in workloads():
+            for volume in workload["spec"]["template"]["spec"].get("volumes", []):
+                self.assertTrue({"configMap", "emptyDir"} & set(volume), volume["name"])
 
     def test_a_drain_ends_before_the_pod_is_killed(self):
         pod = of_kind("StatefulSet")[0]["spec"]["template"]["spec"]
@@ -199,8 +220,9 @@ class RulesTest(unittest.TestCase):
             done = subprocess.run(
                 [program, "-c", "-f", DEPLOY / "haproxy/replicas.cfg", "-f",
                  DEPLOY / "kubernetes/servers.cfg"], capture_output=True, text=True,
-                env=dict(os.environ, KDRAY_BIND=variables(container)["KDRAY_BIND"],
-                         KDRAY_NAMESPACE="default", KDRAY_STATS=f"{folder}/socket"))
+                env={
+                    **os.environ, **{n: v for n, v in variables(container).items() if v is not None},
+                    "KDRAY_NAMESPACE": "default", "KDRAY_STATS": f"{folder}/socket"})
         self.assertEqual(done.returncode, 0, done.stderr)
 
     def test_the_kustomization_names_every_file(self):
