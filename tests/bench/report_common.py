@@ -74,6 +74,21 @@ def write_section(name, text):
         file.write(f"{head}{begin}\n{wrap(text)}\n{end}{tail}")
 
 
+def write_page(name, sections):
+    """Replaces what stands between the marks of these sections in a page of docs."""
+    path = os.path.join(ROOT, "docs", name)
+    with open(path) as file:
+        text = file.read()
+    for section, body in sections.items():
+        begin, end = f"<!-- {section}: begin -->", f"<!-- {section}: end -->"
+        if begin not in text:
+            sys.exit(f"{path} has no place for {section}")
+        head, rest = text.split(begin, 1)
+        text = f"{head}{begin}\n{body}\n{end}{rest.split(end, 1)[1]}"
+    with open(path, "w") as file:
+        file.write(text)
+
+
 def table(header, rows):
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])

@@ -238,27 +238,13 @@ def plot(hits, curves, loads):
     common.save(figure, "scale.svg")
 
 
-def write_page(sections):
-    path = os.path.join(common.ROOT, "docs", "scale.md")
-    with open(path) as file:
-        text = file.read()
-    for name, body in sections.items():
-        begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-        if begin not in text:
-            sys.exit(f"scale_simulation.py: {path} has no place for {name}")
-        head, rest = text.split(begin, 1)
-        text = f"{head}{begin}\n{body}\n{end}{rest.split(end, 1)[1]}"
-    with open(path, "w") as file:
-        file.write(text)
-
-
 def main():
     print(f"seed {SEED}", file=sys.stderr)
     hits, hit_rows = hit_table()
     losses, curves = loss_table()
     loads, load_rows = load_table()
     plot(hit_rows, curves, load_rows)
-    write_page({"hits": hits, "losses": losses, "loads": loads})
+    common.write_page("scale.md", {"hits": hits, "losses": losses, "loads": loads})
 
 
 if __name__ == "__main__":
