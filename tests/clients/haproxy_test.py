@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """HAProxy with TLS before kdrayd, by the example package/haproxy.cfg: haproxy_test.py KDRAYD KDRAY"""
 import http.client
+import json
 import os
 import shutil
 import socket
@@ -47,7 +48,9 @@ class HaproxyTest(unittest.TestCase):
         config.write_text(text)
         checked = subprocess.run([HAPROXY, "-c", "-f", config], capture_output=True, text=True)
         assert checked.returncode == 0 and "WARNING" not in checked.stdout + checked.stderr, checked
-        cls.proxy = subprocess.Popen([HAPROXY, "-db", "-f", config], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        cls.log = open(cls.folder / "haproxy.log", "w+")
+        cls.addClassCleanup(cls.log.close)
+        cls.proxy = subprocess.Popen([HAPROXY, "-db", "-f", config], stdout=cls.log, stderr=subprocess.DEVNULL)
         cls.addClassCleanup(cls.stop)
         deadline = time.monotonic() + 20
         while True:
@@ -117,6 +120,25 @@ class HaproxyTest(unittest.TestCase):
             context.maximum_version = ssl.TLSVersion.TLSv1_1
         with self.assertRaises(OSError):
             self.get("/v1", context)
+
+    def test_a_request_has_the_same_id_and_trace_in_both_logs(self):
+        trace = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01"
+        done = self.kdray("--traceparent", trace, "list")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        logs = [self.folder / "haproxy.log", self.folder / "log"]
+        deadline = time.monotonic() + 20
+        while True:
+            lines = [map(json.loads, filter(lambda line: line.startswith("{"), path.read_text().splitlines()))
+                     for path in logs]  # HAProxy's notices are no objects
+            found = [[line for line in of_one if line.get("trace_id") == trace.split("-")[1]] for of_one in lines]
+            if all(found):
+                break
+            self.assertLess(time.monotonic(), deadline, "a log lacks the trace")
+            time.sleep(0.05)
+        for key in ("request_id", "parent_id", "method", "path", "status"):
+            self.assertEqual(*(lines[0][key] for lines in found))
+        answer = self.get("/v1")
+        self.assertRegex(answer.headers["X-Request-Id"], "^[0-9a-f-]{36}$")
 
     def test_errors_of_the_service_pass_unchanged(self):
         answer = self.get("/v1/trees/" + "0" * 64 + "-auto")
