@@ -103,8 +103,8 @@ class SchemaTest(unittest.TestCase):
         self.assertEqual([fault for document in documents() for fault in faults_of(document)], [])
         self.assertEqual(
             sorted(document["kind"] for document in documents()),
-            ["Deployment", "NetworkPolicy", "PodDisruptionBudget", "PodDisruptionBudget", "Service",
-             "Service", "StatefulSet"])
+            ["Deployment", "NetworkPolicy", "NetworkPolicy", "PodDisruptionBudget",
+             "PodDisruptionBudget", "Service", "Service", "StatefulSet"])
 
     def test_the_check_finds_unknown_fields_wrong_types_and_missing_fields(self):
         def broken(change):
@@ -179,6 +179,20 @@ class RulesTest(unittest.TestCase):
         proxy = of_kind("Deployment")[0]["spec"]["template"]["spec"]["containers"][0]
         port, = (p["containerPort"] for p in proxy["ports"] if p["name"] == "metrics")
         self.assertEqual(variables(proxy)["KDRAY_METRICS_BIND"], f":{port}")
+
+    def test_only_prometheus_reaches_the_metrics(self):
+        allowed = {"namespaceSelector": {"matchLabels": {"kdray.metrics": "true"}}}
+        policies = of_kind("NetworkPolicy")
+        for workload in workloads():
+            labels = workload["spec"]["template"]["metadata"]["labels"]
+            policy, = (p["spec"] for p in policies if p["spec"]["podSelector"]["matchLabels"] == labels)
+            container = workload["spec"]["template"]["spec"]["containers"][0]
+            number = int(workload["spec"]["template"]["metadata"]["annotations"]["prometheus.io/port"])
+            name, = (p["name"] for p in container["ports"] if p["containerPort"] == number)
+            sources = [rule.get("from") for rule in policy["ingress"]
+                       if name in [port["port"] for port in rule["ports"]]]
+            self.assertEqual(len(sources), 1)
+            self.assertIn(allowed, sources[0])
 
     def test_no_pod_sees_the_disks_or_names_of_its_machine(self):
         for workload in workloads():
