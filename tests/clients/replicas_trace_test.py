@@ -153,11 +153,23 @@ class TraceTest(unittest.TestCase):
         self.assertNotIn("hush", (Path(self.replicas.folder) / "haproxy.log").read_text())
 
     def test_a_traceparent_that_is_invalid_is_logged_by_nobody(self):
-        for number, given in enumerate(("00-1-2-3", new_trace().upper(), new_trace()[3:])):
-            request(self.replicas.port, "GET", "/v1",
-                    headers={"X-Request-Id": f"bad-{number}", "traceparent": given})
-            found = self.logs.of(2, request_id=f"bad-{number}")
-            self.assertEqual([line.get("trace_id") for _, line in found], ["-", None])
+        def traces(name, *given):
+            with socket.create_connection(("127.0.0.1", self.replicas.port)) as raw:
+                raw.sendall("\r\n".join([
+                    "GET /v1 HTTP/1.1", "Host: x", f"X-Request-Id: {name}",
+                    *(f"traceparent: {text}" for text in given), "Connection: close", "", ""
+                ]).encode())
+                raw.makefile("rb").read()
+            return [line.get("trace_id") for _, line in self.logs.of(2, request_id=name)]
+
+        trace = new_trace()
+        for number, given in enumerate((
+                "00-1-2-3", trace.upper(), trace[3:], trace + "0", trace + "-more", "ff" + trace[2:],
+                f"00-{'0' * 32}-{'1' * 16}-01", f"00-{'1' * 32}-{'0' * 16}-01")):
+            self.assertEqual(traces(f"bad-{number}", given), ["-", None], given)
+        self.assertEqual(traces("two", trace, trace), ["-", None])
+        later = "01" + trace[2:] + "-more"  # later versions may append to it
+        self.assertEqual(traces("later", later), [trace.split("-")[1]] * 2)
 
 
 def wait_until_down(replicas):
