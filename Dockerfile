@@ -15,7 +15,7 @@ RUN cmake/build.sh release kdrayd kdray && strip build/release/bin/kdrayd build/
 
 FROM ${BASE:-debian:bookworm-slim}
 COPY server/dependencies.sh /tmp/
-RUN /tmp/dependencies.sh run && rm -rf /var/lib/apt/lists/* /tmp/dependencies.sh
+RUN /tmp/dependencies.sh run && apt-get clean && rm -rf /var/lib/apt/lists/* /tmp/dependencies.sh
 RUN useradd --system --uid 8080 --user-group --no-create-home --shell /usr/sbin/nologin kdray \
     && install -d -o kdray -g kdray -m 700 /var/lib/kdray
 LABEL org.opencontainers.image.title="kdray" \
