@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from contextlib import closing
-from typing import TYPE_CHECKING, Dict, List, Mapping, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 import numpy.typing as npt
@@ -64,22 +64,7 @@ class Queries:
         fields: t, triangle, u, v, normal, point, side, group, uv and shading_normal. A miss has
         triangle -1 and t inf (an invalid row NaN).
         """
-        return self._batch(
-            "rays/closest",
-            "rays",
-            rays,
-            dict(
-                fields=field_text(fields),
-                precision=precision,
-                t_min=t_min,
-                t_max=t_max,
-                cull=cull,
-                dtype=dtype_text(dtype),
-                deadline_ms=deadline_ms,
-            ),
-            progress,
-            info,
-        )
+        return self._batch("rays/closest", "rays", locals())
 
     def any(
         self,
@@ -94,14 +79,7 @@ class Queries:
         info: Optional[BatchInfo] = None,
     ) -> Array:
         """Whether each ray hits anything: bool. Cheaper than `closest`."""
-        return self._batch(
-            "rays/any",
-            "rays",
-            rays,
-            dict(precision=precision, t_min=t_min, t_max=t_max, cull=cull, deadline_ms=deadline_ms),
-            progress,
-            info,
-        )
+        return self._batch("rays/any", "rays", locals())
 
     def count(
         self,
@@ -117,21 +95,7 @@ class Queries:
         info: Optional[BatchInfo] = None,
     ) -> Array:
         """How often each ray crosses the surface; exact by default, so the parity is right."""
-        return self._batch(
-            "rays/count",
-            "rays",
-            rays,
-            dict(
-                precision=precision,
-                t_min=t_min,
-                t_max=t_max,
-                cull=cull,
-                dtype=dtype_text(dtype),
-                deadline_ms=deadline_ms,
-            ),
-            progress,
-            info,
-        )
+        return self._batch("rays/count", "rays", locals())
 
     def all(
         self,
@@ -155,24 +119,7 @@ class Queries:
         max_hits, that raises a warning. The hits are crossings, exact by default.
         """
         info = info or BatchInfo()
-        rows, _ = as_rows(rays, (6, 8), "rays")
-        answer = self._batch(
-            "rays/all",
-            "rays",
-            rows,
-            dict(
-                fields=field_text(fields),
-                max_hits=max_hits,
-                precision=precision,
-                t_min=t_min,
-                t_max=t_max,
-                cull=cull,
-                dtype=dtype_text(dtype),
-                deadline_ms=deadline_ms,
-            ),
-            progress,
-            info,
-        )
+        answer = self._batch("rays/all", "rays", locals())
         if max_hits is None:
             warn_of_truncation(info, DEFAULT_MAX_HITS)
         return answer
@@ -189,19 +136,7 @@ class Queries:
         info: Optional[BatchInfo] = None,
     ) -> Array:
         """The closest point of the mesh for each point. Another field is normal."""
-        return self._batch(
-            "points/closest",
-            "points",
-            points,
-            dict(
-                fields=field_text(fields),
-                precision=precision,
-                dtype=dtype_text(dtype),
-                deadline_ms=deadline_ms,
-            ),
-            progress,
-            info,
-        )
+        return self._batch("points/closest", "points", locals())
 
     def signed_distance(
         self,
@@ -214,14 +149,7 @@ class Queries:
         info: Optional[BatchInfo] = None,
     ) -> Array:
         """The distance to the surface, negative inside; NaN where an open mesh has no sides."""
-        return self._batch(
-            "points/signed-distance",
-            "points",
-            points,
-            dict(precision=precision, dtype=dtype_text(dtype), deadline_ms=deadline_ms),
-            progress,
-            info,
-        )
+        return self._batch("points/signed-distance", "points", locals())
 
     def inside(
         self,
@@ -233,14 +161,7 @@ class Queries:
         info: Optional[BatchInfo] = None,
     ) -> Array:
         """int8: 1 inside or on the surface, 0 outside, -1 where an open mesh leaves it unknown."""
-        return self._batch(
-            "points/inside",
-            "points",
-            points,
-            dict(precision=precision, deadline_ms=deadline_ms),
-            progress,
-            info,
-        )
+        return self._batch("points/inside", "points", locals())
 
     def visibility(
         self,
@@ -312,18 +233,14 @@ class Queries:
     def _path(self, part: str = "") -> str:
         return f"/v1/trees/{self.id}" + ("/" + part if part else "")
 
-    def _batch(
-        self,
-        query: str,
-        kind: str,
-        values: npt.ArrayLike,
-        options: Mapping[str, Parameter],
-        progress: ProgressLike,
-        info: Optional[BatchInfo],
-    ) -> Array:
-        """The joined answer for all rows, in the values' leading shape (`all`: flat)."""
-        rows, shape = as_rows(values, (6, 8) if kind == "rays" else (3,), kind)
-        info = info if info is not None else BatchInfo()
+    def _batch(self, query: str, kind: str, given: Mapping[str, Any]) -> Array:
+        """The joined answer for all rows, in their leading shape (`all`: flat).
+
+        kind: rays or points. given: the arguments of the query, named as the contract's parameters.
+        """
+        rows, shape = as_rows(given[kind], (6, 8) if kind == "rays" else (3,), kind)
+        options = options_of(given)
+        info = given["info"] if given["info"] is not None else BatchInfo()
         info.clear()
         limits = self.client.limits
         most = int(limits["max_rays"])
@@ -339,7 +256,7 @@ class Queries:
         parts: List[Array] = []
         answer: Optional[Array] = None
         block = block_rows(len(rows), self.client.parallel, most)
-        with Reporter(self.client.progress_or(progress), kind, len(rows)) as report, closing(
+        with Reporter(self.client.progress_or(given["progress"]), kind, len(rows)) as report, closing(
             blocks(len(rows), block, self.client.parallel, ask)
         ) as answers:
             for start, stop, (part, part_info) in answers:
@@ -387,6 +304,17 @@ def warn_of_truncation(info: BatchInfo, most: int) -> None:
             f"{info.truncated} rays have more than {most} hits, of which the nearest are kept{more}",
             stacklevel=3,
         )
+
+
+def options_of(given: Mapping[str, Any]) -> Dict[str, Parameter]:
+    """The contract's parameters among the arguments of a query."""
+    own = ("self", "rays", "points", "progress", "info")
+    options = {name: value for name, value in given.items() if name not in own}
+    if "fields" in options:
+        options["fields"] = field_text(options["fields"])
+    if "dtype" in options:
+        options["dtype"] = dtype_text(options["dtype"])
+    return options
 
 
 def dtype_text(dtype: Optional[npt.DTypeLike]) -> Optional[str]:
