@@ -65,3 +65,4 @@ echo "kdrayd has ended. What was made:"
 ls -l "$out"
 echo
 echo "The picture: $out/teapot.png"
+echo "For your own meshes: server/run, then open http://127.0.0.1:8080 in a browser."
