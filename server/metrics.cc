@@ -235,7 +235,7 @@ void AppendCurrent(const CurrentValues& now, std::vector<MetricFamily>& families
           backend.evictions);
   counter("kdray_damaged_files_total", "Stored files that failed their check.",
           backend.damaged_files);
-  counter("kdray_dropped_log_lines_total", "Log lines dropped because nobody read them.",
+  counter("kdray_dropped_log_lines_total", "Log lines dropped because they were not read in time.",
           now.dropped_log_lines);
   gauge("process_resident_memory_bytes", "Memory of the process, as the system counts it.",
         now.process.resident_bytes);

@@ -340,7 +340,7 @@ class ObjReader {
   std::vector<std::uint32_t> corners_;
   bool all_valid_ = true;  // the coordinates of all vertices
   AttributeSink::Counts attributes_;
-  bool has_colors_ = false;         // a vertex has one, and somebody asks
+  bool has_colors_ = false;         // a vertex has one, and the sink takes them
   std::string_view group_keyword_;  // the statement whose names are groups
   std::vector<std::uint32_t> corner_uvs_;
   std::vector<std::uint32_t> corner_normals_;

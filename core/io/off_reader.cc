@@ -394,7 +394,7 @@ class OffReader {
   bool all_valid_ = true;  // the coordinates of all vertices
   AttributeSink* sink_;    // or null
   AttributeSink::Counts planned_;
-  bool has_vertex_colors_ = false;  // and somebody asks
+  bool has_vertex_colors_ = false;  // and the sink takes them
   std::size_t color_begin_ = 3;     // number of the first of them among a vertex's numbers
   PolygonCutter cutter_;
   std::vector<std::uint32_t> corners_;

@@ -151,7 +151,7 @@ class Keys {
     return key << 7 | octant << 4 | two_bits(x) << 2 | two_bits(y);
   }
 
-  // The same, but for rounding, of four rays at once.
+  // The same of four rays at once; rounding may differ.
   void FillFour(const RayF* rays, std::size_t row, Entry* entries) const {
     Float4 from[4], to[4];  // of a ray, then of x, y, z and the interval's ends
     for (int k = 0; k < 4; ++k) {

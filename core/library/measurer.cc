@@ -28,7 +28,7 @@ Status Measurer::Measure(const TreeId& id, TradeoffOptions options) {
           kMeasuringKey, WorkQueue::Lane::kBuild,
           [this, id, task, options = std::move(options)] { Run(id, task, options); });
     } catch (...) {
-      parts_.measurements->Forget(id.mesh);  // nobody will run it
+      parts_.measurements->Forget(id.mesh);  // no task will run it
       throw;
     }
   }

@@ -20,7 +20,7 @@ std::string TemporaryName() {
   return std::string(kTemporaryPrefix) + std::to_string(getpid()) + "-" + std::to_string(next++);
 }
 
-// What is missing while something is written is the folder: nobody asked for a file by its name.
+// kNotFound during a write means the folder, not the file of that name.
 Error WriteError(Error error) {
   if (error.code == ErrorCode::kNotFound) error.code = ErrorCode::kIo;
   return error;
@@ -93,7 +93,7 @@ Status BlobStore::Open() {
   if (!files.ok()) return files.error();
   for (const FileInfo& file : *files) {
     if (!file.name.starts_with(kTemporaryPrefix) || !file.readable) continue;
-    // On a read-only disk they stay; they are in nobody's way.
+    // On a read-only disk they stay, which does no harm.
     (void)file_system_->Remove(directory_ / file.name);
   }
   return {};

@@ -28,8 +28,8 @@ constexpr double kTimingShare = 1 - kJudgingShare - kSteppingShare;
 // The share of an accuracy in the whole, for the progress; the builds have the rest.
 constexpr double kJudgingProgress = 0.2;
 
-// Rays of a batch that is not timed: at first so few that one batch is quick in any structure, in
-// the end enough for every thread.
+// Rays of a batch that is not timed: at first few, so one batch is quick in any structure; in the
+// end enough for every thread.
 constexpr std::size_t kFirstBatch = 64;
 constexpr std::size_t kRaysPerThread = 4096;
 

@@ -19,7 +19,7 @@ constexpr std::size_t kMaxShedding = 32;
 constexpr milliseconds kSlowHead{2};
 /// A client that is this late with a body, or with reading, may be cut off to make room.
 constexpr milliseconds kLate{500};
-/// While the server drains, clients that still send what nobody wants are given this time.
+/// Time for clients that still send a refused body while the server drains.
 constexpr milliseconds kDrainLinger{1000};
 /// Idle connections that FirstToGo() asks for input.
 constexpr int kMaxLooks = 64;

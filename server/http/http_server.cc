@@ -10,8 +10,8 @@
 //   far. Ours keeps one Connection.
 // - It routes nothing, serves no files, ranges or compression: the pre-routing handler answers
 //   everything.
-// - It does not accept: an error of accept() ends its loop, or is tried again without anybody being
-//   told that no descriptor is free. Listener accepts.
+// - It does not accept: an error of accept() ends its loop, or is tried again without a
+//   report that no descriptor is free. Listener accepts.
 //
 // Checked against versions 0.11 (Debian 12) and 0.18 (Debian 13). Where they differ, the code below
 // says so; another version needs a new look at this file only.

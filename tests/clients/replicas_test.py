@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Three daemons behind HAProxy, as server/deploy/local starts them: replicas_test.py KDRAYD KDRAY
+"""HAProxy before three daemons, as server/deploy/local starts them: replicas_test.py KDRAYD KDRAY
 
 Exits with 77 (skipped) if HAProxy is not installed. Raw connections send the load, so no client
 hides a failure by repeating it.

@@ -73,9 +73,9 @@ class BinnedCounts {
   }
   struct Counts {
     std::size_t places = 0;  // that are in use in each of the three; the others have no value
-    Bins begin;              // so many begin at plane k or beyond, and before plane k + 1
-    Bins end;                // so many end beyond plane k, and at plane k + 1 or before
-    Bins planar;             // so many lie in plane k; without values unless there are any
+    Bins begin;              // n that begin at plane k or beyond, and before plane k + 1
+    Bins end;                // n that end beyond plane k, and at plane k + 1 or before
+    Bins planar;             // n that lie in plane k; no values unless any_planar
     bool any_planar = false;
 
     Counts() = default;

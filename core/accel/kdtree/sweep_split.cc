@@ -41,7 +41,7 @@ double CostAt(float position, std::size_t below, std::size_t above,
 }
 
 // One event after the other. Planes with triangles in them are shown to `candidates` at once;
-// planar triangles count above before their own event and below behind it.
+// planar triangles count above before their own event and below after it.
 BestEvent FindBest(std::span<const SplitEvent> events, std::size_t triangles,
                    std::span<const double> costs, SplitSearch::Axis* candidates) {
   using Kind = SplitEvent::Kind;
@@ -93,7 +93,7 @@ class FourAtATime {
     std::size_t i = 0;
     for (; i + 4 <= events.size(); i += 4) least = Min4(least, Approximate(&events[i], i));
     if (i < events.size()) {
-      SplitEvent last[4];  // the others behind the cell
+      SplitEvent last[4];  // the unused ones lie beyond the cell
       std::fill_n(last, 4, SplitEvent(std::numeric_limits<float>::infinity(), {}, 0));
       std::copy(events.begin() + static_cast<std::ptrdiff_t>(i), events.end(), last);
       least = Min4(least, Approximate(last, i));
@@ -173,7 +173,7 @@ void SweepAxis(std::span<const SplitEvent> events, int axis, std::size_t triangl
   using Kind = SplitEvent::Kind;
   SplitSearch::Axis candidates(search, axis);
   // A plane belongs to all events at one position, but each is tried as if the plane were its own:
-  // that counts triangles too often before the last end and behind the first start, so the right
+  // that counts triangles too often before the last end and after the first start, so the right
   // counts are among those tried, and nothing is cheaper than they are.
   BestEvent best = FourAtATime::IsSuitable(events, triangles, candidates.probability())
                        ? FourAtATime(events, triangles, candidates).Best(costs)
