@@ -27,6 +27,9 @@ Error NoMemoryForBuilds() {
 }  // namespace
 
 Result<MeshUpload> MeshIntake::BeginUpload(std::uint64_t bytes) {
+  if (parts_.shared != nullptr) {
+    if (Status status = parts_.shared->CheckThere(); !status.ok()) return std::move(status).error();
+  }
   if (Status status = CheckCouldFit(bytes); !status.ok()) return std::move(status).error();
   if (!admitted_builds_.TryReserve(UsualParseBytes(bytes))) return NoMemoryForBuilds();
   Result<NewMesh> file = parts_.store->BeginMesh(bytes);
@@ -55,7 +58,6 @@ Error MeshIntake::TooLargeForStore(std::uint64_t bytes) const {
                                              std::to_string(*parts_.store->limit())};
 }
 
-// Evicts meshes without a record first, then derived files, then whole meshes without running work.
 Result<DiskRoom> MeshIntake::MakeRoom(std::uint64_t bytes) {
   SceneStore* const store = parts_.store;
   if (store->limit() && bytes > *store->limit()) return TooLargeForStore(bytes);
@@ -118,6 +120,30 @@ Result<MeshIntake::Added> MeshIntake::Finish(MeshUpload upload, std::optional<Bu
   if (Result<MemoryCharge> admission = Admit(id, bytes); !admission.ok()) {
     return std::move(admission).error();
   }
+  if (parts_.shared == nullptr) return Place(id, std::move(upload), nullptr);
+  const Result<std::unique_ptr<ReadableFile>> mesh = upload.file_.Reopen();
+  if (!mesh.ok()) return mesh.error();
+  return PublishAndPlace(
+      id, **mesh, [&](const TreeRecord& record) { return Place(id, std::move(upload), &record); });
+}
+
+// What is acknowledged is in the shared store.
+template <class PlaceIt>
+Result<MeshIntake::Added> MeshIntake::PublishAndPlace(const TreeId& id, const ReadableFile& mesh,
+                                                      const PlaceIt& place) {
+  const Result<SharedStore::Published> published = parts_.shared->Publish(id, mesh);
+  if (!published.ok()) return published.error();
+  Result<Added> added = place(published->record);
+  if (added.ok()) {
+    added->existed = published->existed;
+    parts_.shared->Confirm(id, published->seen);
+  }
+  return added;
+}
+
+Result<MeshIntake::Added> MeshIntake::Place(const TreeId& id, MeshUpload upload,
+                                            const TreeRecord* shared) {
+  const std::uint64_t bytes = upload.file_.bytes();
   std::optional<DiskRoom> room;
   for (;;) {
     // The slow part before the lock.
@@ -141,7 +167,7 @@ Result<MeshIntake::Added> MeshIntake::Finish(MeshUpload upload, std::optional<Bu
       parts_.registry->NoteMeshStored(id.mesh, bytes);
     }
     try {
-      return Add(id, bytes, *std::move(admission));
+      return Add(id, bytes, shared, *std::move(admission));
     } catch (...) {
       parts_.remover->TryRemoveMeshIfUnused(id.mesh);
       throw;
@@ -151,24 +177,44 @@ Result<MeshIntake::Added> MeshIntake::Finish(MeshUpload upload, std::optional<Bu
 
 Result<MeshIntake::Added> MeshIntake::AddBuild(const Sha256Digest& mesh,
                                                std::optional<BuildKind> build) {
-  const std::lock_guard files_lock(parts_.mesh_locks->Of(mesh));
-  const std::optional<TreeRegistry::MeshInfo> stored = parts_.registry->FindMesh(mesh);
+  if (parts_.shared == nullptr) return AddStored({mesh, build}, nullptr);
+  const CancelToken never;  // the upload of a mesh is not cancelled either
+  Status status = parts_.shared->Meet(mesh, never);
+  if (status.ok()) status = parts_.shared->BringMesh(mesh, never);
+  if (!status.ok() && status.error().code == ErrorCode::kNotFound) return NoSuchMesh();
+  if (!status.ok()) return std::move(status).error();
+  const Result<std::unique_ptr<ReadableFile>> file = parts_.store->OpenMesh(mesh);
+  if (!file.ok()) return file.error();
+  const TreeId id{mesh, build};
+  return PublishAndPlace(id, **file,
+                         [&](const TreeRecord& record) { return AddStored(id, &record); });
+}
+
+Result<MeshIntake::Added> MeshIntake::AddStored(const TreeId& id, const TreeRecord* shared) {
+  const std::lock_guard files_lock(parts_.mesh_locks->Of(id.mesh));
+  const std::optional<TreeRegistry::MeshInfo> stored = parts_.registry->FindMesh(id.mesh);
   if (!stored) return NoSuchMesh();
-  Result<MemoryCharge> admission = Admit({mesh, build}, stored->bytes);
+  Result<MemoryCharge> admission = Admit(id, stored->bytes);
   if (!admission.ok()) return std::move(admission).error();
-  return Add({mesh, build}, stored->bytes, *std::move(admission));
+  return Add(id, stored->bytes, shared, *std::move(admission));
 }
 
 Result<MeshIntake::Added> MeshIntake::Add(const TreeId& id, std::uint64_t mesh_bytes,
-                                          MemoryCharge admission) {
+                                          const TreeRecord* shared, MemoryCharge admission) {
   if (const auto recorded = parts_.registry->FindRecord(id)) {
     return AddAgain(id, *recorded, std::move(admission));
   }
   TreeRecord record;
+  if (shared != nullptr) {
+    record = *shared;
+  } else {
+    record.created_ms = NowMs();
+  }
   record.id = id;
-  record.created_ms = NowMs();
   record.mesh_bytes = mesh_bytes;
-  if (const auto mesh = parts_.registry->FindMesh(id.mesh)) record.mesh = mesh->facts;
+  if (!record.mesh) {
+    if (const auto mesh = parts_.registry->FindMesh(id.mesh)) record.mesh = mesh->facts;
+  }
   // Allocates everything before the record is written; later steps cannot fail.
   TreeRegistry::NewTree tree(record);
   try {
@@ -180,7 +226,11 @@ Result<MeshIntake::Added> MeshIntake::Add(const TreeId& id, std::uint64_t mesh_b
     GiveUpAdding(id);
     throw;
   }
-  parts_.registry->Add(std::move(tree), std::move(admission));
+  if (record.tree) {
+    parts_.registry->AddKnown(std::move(tree));
+  } else {
+    parts_.registry->Add(std::move(tree), std::move(admission));
+  }
   return Added{id, false};
 }
 

@@ -13,6 +13,7 @@
 #include "core/catalog/tree_id.h"
 #include "core/library/memory_budget.h"
 #include "core/library/mesh_locks.h"
+#include "core/library/shared_trees.h"
 #include "core/library/tree_registry.h"
 #include "core/library/tree_remover.h"
 #include "core/store/scene_store.h"
@@ -48,6 +49,7 @@ class MeshIntake {
     SceneStore* store;
     MeshLocks* mesh_locks;
     const MemoryBudget* budget;
+    SharedTrees* shared;  ///< null without a shared store
   };
   explicit MeshIntake(const Parts& parts)
       : parts_(parts), admitted_builds_(parts.budget->limit()) {}
@@ -61,8 +63,16 @@ class MeshIntake {
   Result<Added> Finish(MeshUpload upload, std::optional<BuildKind> build);
   Result<Added> AddBuild(const Sha256Digest& mesh, std::optional<BuildKind> build);
 
- private:
+  /// Room for a mesh: evicts meshes without a record first, then derived files, then whole meshes
+  /// without running work. Not to be called with a lock.
   Result<DiskRoom> MakeRoom(std::uint64_t bytes);
+
+ private:
+  // `shared`: the tree's record in the shared store; null without one.
+  Result<Added> Place(const TreeId& id, MeshUpload upload, const TreeRecord* shared);
+  Result<Added> AddStored(const TreeId& id, const TreeRecord* shared);
+  template <class PlaceIt>
+  Result<Added> PublishAndPlace(const TreeId& id, const ReadableFile& mesh, const PlaceIt& place);
   Status DropMesh(const Sha256Digest& mesh);
   Status DropUnrecordedMesh(const Sha256Digest& mesh);
   bool IsStored(const Sha256Digest& mesh, std::uint64_t bytes) const;
@@ -72,7 +82,8 @@ class MeshIntake {
   std::uint64_t UsualParseBytes(std::uint64_t mesh_bytes) const;
   Result<MemoryCharge> Admit(const TreeId& id, std::uint64_t mesh_bytes);
   // The caller holds the mesh's lock, and its bytes are on disk:
-  Result<Added> Add(const TreeId& id, std::uint64_t mesh_bytes, MemoryCharge admission);
+  Result<Added> Add(const TreeId& id, std::uint64_t mesh_bytes, const TreeRecord* shared,
+                    MemoryCharge admission);
   Result<Added> AddAgain(const TreeId& id, const TreeRegistry::Recorded& recorded,
                          MemoryCharge admission);
   void GiveUpAdding(const TreeId& id) noexcept;

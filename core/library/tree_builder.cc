@@ -37,10 +37,7 @@ void TreeBuilder::Bring(const TreeTask& task, LoadWatch* watch) {
   if (task.kind == TreeTask::Kind::kResume && !CountResume(task, &is_counted)) return;
   const std::optional<TreeRecord> record = parts_.registry->RecordOf(task);
   if (!record) return;
-  const SceneLoader::Hooks hooks{
-      .on_mesh = [&](const MeshFacts& facts) { parts_.registry->NoteParsed(task, facts); },
-      .step_aside = [&] { return parts_.queue->StepAside(LaneOf(task)); }};
-  const Result<LoadedScene> loaded = parts_.loader->Load(*record, watch, hooks);
+  const Result<LoadedScene> loaded = Load(task, *record, watch);
   if (!loaded.ok()) {
     Fail(task, loaded.error());
   } else if (parts_.registry->Succeed(task, *loaded)) {
@@ -48,6 +45,18 @@ void TreeBuilder::Bring(const TreeTask& task, LoadWatch* watch) {
     Store(*record, *loaded);
   }
   if (is_counted) UncountResume(task.id);
+}
+
+Result<LoadedScene> TreeBuilder::Load(const TreeTask& task, const TreeRecord& record,
+                                      LoadWatch* watch) {
+  if (parts_.shared != nullptr) {
+    Status brought = parts_.shared->BringFiles(record, watch->cancel);
+    if (!brought.ok()) return std::move(brought).error();
+  }
+  const SceneLoader::Hooks hooks{
+      .on_mesh = [&](const MeshFacts& facts) { parts_.registry->NoteParsed(task, facts); },
+      .step_aside = [&] { return parts_.queue->StepAside(LaneOf(task)); }};
+  return parts_.loader->Load(record, watch, hooks);
 }
 
 // Records durably that this start resumes the build, before it does, so the next start knows it if
@@ -74,6 +83,13 @@ void TreeBuilder::UncountResume(const TreeId& id) {
 }
 
 void TreeBuilder::Store(const TreeRecord& before, const LoadedScene& loaded) {
+  StoreHere(before, loaded);
+  if (parts_.shared == nullptr || (before.tree && !loaded.was_built)) return;
+  const auto recorded = parts_.registry->FindRecord(before.id);
+  if (recorded) parts_.shared->StoreLater(recorded->record, loaded.tree.build);
+}
+
+void TreeBuilder::StoreHere(const TreeRecord& before, const LoadedScene& loaded) {
   const TreeId& id = before.id;
   parts_.loader->Store(id, loaded, CancelToken::When([this, &id, build = loaded.tree.build] {
                          return !parts_.registry->MayStore(id.mesh, build);
@@ -94,17 +110,26 @@ void TreeBuilder::Store(const TreeRecord& before, const LoadedScene& loaded) {
 }
 
 void TreeBuilder::Fail(const TreeTask& task, const Error& error) {
+  // Only what this library acknowledged, and nobody can read, is taken from the others: they may
+  // read more formats, or have more memory.
+  if (FailHere(task, error) && parts_.shared != nullptr) parts_.shared->RemoveLater(task.id);
+}
+
+// Whether a tree that was new here is gone for good.
+bool TreeBuilder::FailHere(const TreeTask& task, const Error& error) {
   const std::lock_guard files_lock(parts_.mesh_locks->Of(task.id.mesh));
   std::optional<TreeRegistry::NewFailure> failure = parts_.registry->Judge(task, error);
-  if (!failure) return;
+  if (!failure) return false;
+  const bool is_of_new_tree = failure->is_of_new_tree();
   // A record that the disk does not let go keeps its tree.
   if (failure->is_for_good() && parts_.remover->RemoveRecord(task.id).ok()) {
     Error told = failure->TakeError();
     parts_.registry->FailForGood(*std::move(failure));
     parts_.remover->RemoveTree(task.id, std::move(told));
-  } else {
-    parts_.registry->FailForNow(task, *std::move(failure));
+    return is_of_new_tree && error.code != ErrorCode::kMeshTooLarge;
   }
+  parts_.registry->FailForNow(task, *std::move(failure));
+  return false;
 }
 
 }  // namespace kdray::core

@@ -10,6 +10,7 @@
 #include "core/library/loaded_scene.h"
 #include "core/library/mesh_locks.h"
 #include "core/library/scene_loader.h"
+#include "core/library/shared_trees.h"
 #include "core/library/tree_registry.h"
 #include "core/library/tree_remover.h"
 #include "core/library/tree_task.h"
@@ -29,6 +30,7 @@ class TreeBuilder {
     SceneStore* store;
     MeshLocks* mesh_locks;
     WorkQueue* queue;
+    SharedTrees* shared;  ///< null without a shared store
   };
   explicit TreeBuilder(const Parts& parts) : parts_(parts) {}
 
@@ -40,8 +42,11 @@ class TreeBuilder {
   void Bring(const TreeTask& task, LoadWatch* watch);
   bool CountResume(const TreeTask& task, bool* is_counted);
   void UncountResume(const TreeId& id);
+  Result<LoadedScene> Load(const TreeTask& task, const TreeRecord& record, LoadWatch* watch);
   void Store(const TreeRecord& before, const LoadedScene& loaded);
+  void StoreHere(const TreeRecord& before, const LoadedScene& loaded);
   void Fail(const TreeTask& task, const Error& error);
+  bool FailHere(const TreeTask& task, const Error& error);
 
   const Parts parts_;
 };

@@ -22,7 +22,14 @@ TreeLibrary::TreeLibrary(const LibraryOptions& options, std::unique_ptr<SceneSto
                 [this](const std::shared_ptr<TreeTask>& task) { builder_.Start(task); }),
       loader_(store_.get(), &cache_, &budget_, &arena_),
       remover_(&registry_, store_.get(), &cache_, &measurements_),
-      intake_({&registry_, &remover_, store_.get(), &mesh_locks_, &budget_}),
+      shared_(options.shared.store == nullptr
+                  ? nullptr
+                  : std::make_unique<SharedTrees>(
+                        options.shared,
+                        SharedTrees::Parts{
+                            &registry_, &remover_, store_.get(), &cache_, &mesh_locks_, &budget_,
+                            [this](std::uint64_t bytes) { return intake_.MakeRoom(bytes); }})),
+      intake_({&registry_, &remover_, store_.get(), &mesh_locks_, &budget_, shared_.get()}),
       binary_rebuilder_(&budget_, &arena_),
       attribute_loader_({store_.get(), &cache_, &budget_,
                          [this](const Sha256Digest& mesh) {
@@ -30,7 +37,8 @@ TreeLibrary::TreeLibrary(const LibraryOptions& options, std::unique_ptr<SceneSto
                            remover_.EvictUnwanted(mesh);
                          }}),
       queue_(kLoadThreads, kBuildThreads, kAsideThreads),
-      builder_({&registry_, &remover_, &loader_, store_.get(), &mesh_locks_, &queue_}),
+      builder_(
+          {&registry_, &remover_, &loader_, store_.get(), &mesh_locks_, &queue_, shared_.get()}),
       measurer_(
           {&registry_, &measurements_, store_.get(), &mesh_locks_, &queue_, &budget_, &arena_,
            [this](const TreeId& id, const CancelToken& cancel) { return Load(id, cancel); }}) {
@@ -41,11 +49,17 @@ Result<std::unique_ptr<TreeLibrary>> TreeLibrary::Open(const LibraryOptions& opt
   FileSystem* file_system =
       options.file_system != nullptr ? options.file_system : &PosixFileSystem();
   Result<std::unique_ptr<SceneStore>> store =
-      SceneStore::Open({file_system, options.data_dir, options.store_limit_bytes});
+      SceneStore::Open({file_system, options.data_dir, options.store_limit_bytes,
+                        options.shared.store != nullptr ? options.shared.name : std::string()});
   if (!store.ok()) return std::move(store).error();
   Result<SceneStore::Contents> contents = (*store)->Load();
   if (!contents.ok()) return std::move(contents).error();
   std::unique_ptr<TreeLibrary> library(new TreeLibrary(options, *std::move(store)));
+  if (library->shared_ != nullptr) {
+    if (Status status = library->shared_->CheckAtStart(); !status.ok()) {
+      return std::move(status).error();
+    }
+  }
   library->registry_.Adopt(std::move(contents->records), std::move(contents->unreadable_meshes));
   return library;
 }
@@ -57,6 +71,7 @@ void TreeLibrary::Shutdown() {
   measurements_.Stop();
   binary_rebuilder_.Stop();
   attribute_loader_.Stop();
+  if (shared_ != nullptr) shared_->Stop();
   queue_.Stop();
 }
 
@@ -73,12 +88,17 @@ Result<TreeLibrary::Added> TreeLibrary::AddBuild(const Sha256Digest& mesh,
   return intake_.AddBuild(mesh, build);
 }
 
+Status TreeLibrary::Ensure(const TreeId& id, const CancelToken& cancel) {
+  return shared_ == nullptr ? Status() : shared_->Ensure(id, cancel);
+}
+
 Result<TreeInfo> TreeLibrary::Find(const TreeId& id) {
   return Wait(id, SteadyClock::now(), CancelToken());
 }
 
 Result<TreeInfo> TreeLibrary::Wait(const TreeId& id, SteadyClock::time_point until,
                                    const CancelToken& cancel) {
+  if (Status status = Ensure(id, cancel); !status.ok()) return std::move(status).error();
   for (;;) {
     const Result<std::shared_ptr<TreeTask>> task = registry_.Ask(id, TreeRegistry::Need::kReady);
     if (!task.ok()) return task.error();
@@ -88,6 +108,7 @@ Result<TreeInfo> TreeLibrary::Wait(const TreeId& id, SteadyClock::time_point unt
 }
 
 Result<Scene> TreeLibrary::Load(const TreeId& id, const CancelToken& cancel) {
+  if (Status status = Ensure(id, cancel); !status.ok()) return std::move(status).error();
   store_->UseMesh(id.mesh);
   const Result<std::optional<BuildKind>> build = registry_.ReadyBuild(id);
   if (!build.ok()) return build.error();
@@ -130,7 +151,7 @@ Result<Scene> TreeLibrary::LoadWithBinary(const TreeId& id, const CancelToken& c
 
 Result<std::shared_ptr<const MeshAttributes>> TreeLibrary::LoadAttributes(
     const TreeId& id, AttributeKinds kinds, const CancelToken& cancel) {
-  if (Status status = registry_.Check(id); !status.ok()) return std::move(status).error();
+  if (Status status = CheckMesh(id, cancel); !status.ok()) return std::move(status).error();
   const std::optional<TreeRegistry::MeshInfo> mesh = registry_.FindMesh(id.mesh);
   if (!mesh) return NoSuchTree();  // deleted meanwhile
   auto attributes = attribute_loader_.Load(id.mesh, mesh->bytes, kinds, cancel);
@@ -150,20 +171,44 @@ Result<std::vector<std::string>> TreeLibrary::GroupNames(const TreeId& id,
   return std::vector<std::string>(names.begin(), names.end());
 }
 
+Result<std::vector<TreeInfo>> TreeLibrary::ListAll(const std::optional<Sha256Digest>& mesh,
+                                                   const std::optional<Position>& after,
+                                                   std::size_t limit) {
+  if (shared_ != nullptr) return shared_->List(mesh, after, limit);
+  return List(mesh, after, limit);
+}
+
 std::vector<TreeInfo> TreeLibrary::List(const std::optional<Sha256Digest>& mesh,
                                         const std::optional<Position>& after, std::size_t limit) {
   return registry_.List(mesh, after, limit);
 }
 
 Status TreeLibrary::Delete(const TreeId& id) {
+  std::optional<bool> was_shared;
+  if (shared_ != nullptr) {
+    // First, so a failure changes nothing.
+    const Result<bool> removed = shared_->Remove(id);
+    if (!removed.ok()) return removed.error();
+    was_shared = *removed;
+  }
   const std::lock_guard files_lock(mesh_locks_.Of(id.mesh));
   if (registry_.ForgetFailure(id)) return {};
-  return remover_.Remove(id, NoSuchTree());
+  Status removed = remover_.Remove(id, NoSuchTree());
+  if (!was_shared) return removed;
+  // What remains here because of the disk is removed when it is next asked for.
+  return *was_shared ? Status() : Status(NoSuchTree());
+}
+
+// Before the mesh's file is read.
+Status TreeLibrary::CheckMesh(const TreeId& id, const CancelToken& cancel) {
+  if (Status status = Ensure(id, cancel); !status.ok()) return status;
+  if (Status status = registry_.Check(id); !status.ok()) return status;
+  return shared_ == nullptr ? Status() : shared_->BringMesh(id.mesh, cancel);
 }
 
 Result<std::unique_ptr<ReadableFile>> TreeLibrary::OpenMesh(const TreeId& id,
                                                             const CancelToken& cancel) {
-  if (Status status = registry_.Check(id); !status.ok()) return std::move(status).error();
+  if (Status status = CheckMesh(id, cancel); !status.ok()) return std::move(status).error();
   Result<std::unique_ptr<ReadableFile>> file = store_->OpenMesh(id.mesh, cancel);
   if (!file.ok() && file.error().code == ErrorCode::kCorrupt &&
       !registry_.NoteMeshDamaged(id.mesh)) {
@@ -173,15 +218,20 @@ Result<std::unique_ptr<ReadableFile>> TreeLibrary::OpenMesh(const TreeId& id,
 }
 
 Status TreeLibrary::Measure(const TreeId& id, TradeoffOptions options) {
+  if (Status status = Ensure(id, CancelToken()); !status.ok()) return status;
   return measurer_.Measure(id, std::move(options));
 }
 
 Result<std::optional<Measurements::Info>> TreeLibrary::WaitForMeasured(
     const TreeId& id, SteadyClock::time_point until, const CancelToken& cancel) {
+  if (Status status = Ensure(id, cancel); !status.ok()) return std::move(status).error();
   return measurer_.Wait(id, until, cancel);
 }
 
-Result<bool> TreeLibrary::ForgetMeasured(const TreeId& id) { return measurer_.Forget(id); }
+Result<bool> TreeLibrary::ForgetMeasured(const TreeId& id) {
+  if (Status status = Ensure(id, CancelToken()); !status.ok()) return std::move(status).error();
+  return measurer_.Forget(id);
+}
 
 LibraryCounters TreeLibrary::counters() const {
   LibraryCounters counters;
@@ -200,6 +250,7 @@ LibraryCounters TreeLibrary::counters() const {
   counters.unreadable_meshes = counts.damaged_meshes;
   counters.rebuilds = counts.rebuilds;
   counters.trees = counts.trees;
+  if (shared_ != nullptr) counters.shared = shared_->counts();
   return counters;
 }
 

@@ -2,7 +2,8 @@
 // The trees of one data directory by their ids: uploads, builds, memory, disk, deletion. Core's
 // interface for a server, independent of the protocol. It only connects its parts: the state is in
 // tree_registry.h, the work in mesh_intake.h, tree_builder.h, scene_loader.h, tree_remover.h,
-// binary_rebuilder.h, attribute_loader.h and measurer.h.
+// binary_rebuilder.h, attribute_loader.h and measurer.h, what is shared with other libraries in
+// shared_trees.h.
 #pragma once
 
 #include <atomic>
@@ -27,6 +28,7 @@
 #include "core/library/mesh_intake.h"
 #include "core/library/mesh_locks.h"
 #include "core/library/scene_loader.h"
+#include "core/library/shared_trees.h"
 #include "core/library/tree_builder.h"
 #include "core/library/tree_cache.h"
 #include "core/library/tree_registry.h"
@@ -43,6 +45,9 @@ struct LibraryOptions {
   int build_threads = 1;              ///< of the arena that meshes are parsed and trees built in
   std::uint64_t memory_limit_bytes = std::uint64_t{4} << 30;
   std::optional<std::uint64_t> store_limit_bytes;
+  /// A store that libraries share. Then the data directory is a cache of it, ids that are not known
+  /// are looked up there, and every method may return StoreIsAway.
+  SharedTreesOptions shared;
   /// How long a failed build's error is kept: a permanent one, and one that may succeed later.
   std::chrono::milliseconds keep_failure{std::chrono::minutes(10)};
   std::chrono::milliseconds retry_after{std::chrono::seconds(10)};
@@ -57,6 +62,7 @@ struct LibraryCounters {
   std::uint64_t memory_bytes = 0, store_bytes = 0, trees = 0;
   std::uint64_t unrecorded_meshes = 0;  ///< stored meshes without a tree (SceneStore)
   std::uint64_t unreadable_meshes = 0;  ///< meshes of trees, damaged or missing
+  SharedTrees::Counts shared;
 };
 
 /// Every method is safe from many threads at once. All methods that take an id may return
@@ -107,7 +113,11 @@ class TreeLibrary {
   Result<std::vector<std::string>> GroupNames(const TreeId& id, const CancelToken& cancel);
 
   using Position = TreePosition;
-  /// At most `limit` of those after `after`, of one mesh or of all.
+  /// At most `limit` of those after `after`, of one mesh or of all. With a shared store, of all
+  /// libraries: only then it can fail.
+  Result<std::vector<TreeInfo>> ListAll(const std::optional<Sha256Digest>& mesh,
+                                        const std::optional<Position>& after, std::size_t limit);
+  /// The same, of those that this library knows.
   std::vector<TreeInfo> List(const std::optional<Sha256Digest>& mesh,
                              const std::optional<Position>& after, std::size_t limit);
 
@@ -152,6 +162,8 @@ class TreeLibrary {
   static constexpr int kAsideThreads = 32;
 
   TreeLibrary(const LibraryOptions& options, std::unique_ptr<SceneStore> store);
+  Status Ensure(const TreeId& id, const CancelToken& cancel);
+  Status CheckMesh(const TreeId& id, const CancelToken& cancel);
   std::optional<Scene> FindInMemory(const Sha256Digest& mesh, BuildKind build);
 
   std::unique_ptr<SceneStore> store_;
@@ -164,6 +176,7 @@ class TreeLibrary {
   Measurements measurements_;
   SceneLoader loader_;
   TreeRemover remover_;
+  std::unique_ptr<SharedTrees> shared_;  // null without a shared store
   MeshIntake intake_;
   BinaryRebuilder binary_rebuilder_;
   AttributeLoader attribute_loader_;

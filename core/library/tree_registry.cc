@@ -211,6 +211,13 @@ std::set<Sha256Digest> TreeRegistry::MeshesUnderWay() const {
   return meshes;
 }
 
+std::vector<TreeRecord> TreeRegistry::RecordsOf(const Sha256Digest& mesh) const {
+  const std::lock_guard lock(mutex_);
+  std::vector<TreeRecord> records;
+  ForEachOf(mesh, [&](const Entry& entry) { records.push_back(entry.record); });
+  return records;
+}
+
 std::optional<std::vector<TreeId>> TreeRegistry::IdleTreesOf(const Sha256Digest& mesh) const {
   const std::lock_guard lock(mutex_);
   std::vector<TreeId> ids;
@@ -264,6 +271,14 @@ void TreeRegistry::Add(NewTree tree, MemoryCharge admission) {
   Entry& entry = entries_.insert(tree.entry_.extract(tree.entry_.begin())).position->second;
   StartTask(&entry, TreeTask::Kind::kBuild, std::move(admission));
   if (entry.task) entry.task->is_asked_for_ = true;
+}
+
+void TreeRegistry::AddKnown(NewTree tree) {
+  const std::lock_guard lock(mutex_);
+  failures_.erase(tree.entry_.begin()->first);
+  by_age_.insert(tree.place_.extract(tree.place_.begin()));
+  Entry& entry = entries_.insert(tree.entry_.extract(tree.entry_.begin())).position->second;
+  entry.is_new = false;
 }
 
 void TreeRegistry::AddAgain(const TreeId& id, MemoryCharge admission) {

@@ -125,6 +125,7 @@ class TreeRegistry {
   /// that it takes; without it the next start would parse or build again.
   bool MayStore(const Sha256Digest& mesh, BuildKind build) const;
   std::set<Sha256Digest> MeshesUnderWay() const;
+  std::vector<TreeRecord> RecordsOf(const Sha256Digest& mesh) const;
   /// The ids of a mesh; nullopt if a task runs for one of them.
   std::optional<std::vector<TreeId>> IdleTreesOf(const Sha256Digest& mesh) const;
 
@@ -168,6 +169,9 @@ class TreeRegistry {
   };
   /// Its record is on disk. Starts its build; if that throws, the next request starts it.
   void Add(NewTree tree, MemoryCharge admission);
+  /// A tree that another library made (shared_trees.h). Starts no task; the next request for the
+  /// tree does.
+  void AddKnown(NewTree tree);
   /// It was uploaded again, and its record is on disk. Starts its build if it is due, also after a
   /// failure.
   void AddAgain(const TreeId& id, MemoryCharge admission);
@@ -205,12 +209,15 @@ class TreeRegistry {
    public:
     /// The same bytes would fail the same way, so the tree should be removed.
     bool is_for_good() const { return for_good_; }
+    /// The tree was added since Adopt, not found.
+    bool is_of_new_tree() const { return is_new_; }
     /// For those who wait.
     Error TakeError() { return std::move(told_); }
 
    private:
     friend class TreeRegistry;
     bool for_good_ = false;
+    bool is_new_ = false;
     Failures kept_;
     Failure passing_;
     Error told_;

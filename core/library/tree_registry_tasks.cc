@@ -77,6 +77,7 @@ std::optional<TreeRegistry::NewFailure> TreeRegistry::Judge(const TreeTask& task
   failure.for_good_ =
       !entry->record.tree &&
       (IsMeshsFault(error.code) || (error.code == ErrorCode::kMeshTooLarge && entry->is_new));
+  failure.is_new_ = entry->is_new;
   const Clock::time_point now = now_();
   failure.kept_[task.id] = Failure{error, now + rules_.keep_failure};
   failure.passing_ = {error, now + (failure.for_good_ ? rules_.keep_failure : rules_.retry_after)};

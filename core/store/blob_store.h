@@ -30,6 +30,8 @@ class NewBlob {
   /// Puts the contents on stable storage; Commit does so itself when this was not called. Apart,
   /// so that a caller can do the slow part outside his locks.
   Status Sync();
+  /// The bytes so far. Readable as long as this object lives, or its name stands for them.
+  Result<std::unique_ptr<ReadableFile>> Reopen() const { return file_system_->Open(temporary_); }
   /// The file gets its name, replacing what had it, and is durable when this returns. After an
   /// error the name stands for the old file or the new one. Call once.
   Status Commit(std::string_view name);

@@ -3,12 +3,14 @@
 
 #include <algorithm>
 #include <array>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <utility>
 
 #include "core/store/checked_file.h"
 #include "core/store/facts_codec.h"
+#include "core/store/memory_file.h"
 
 namespace kdray::core {
 namespace {
@@ -47,34 +49,24 @@ std::optional<TreeFacts> GetTreeFacts(CheckedReader* reader) {
   return facts;
 }
 
-}  // namespace
-
-Status Catalog::Save(const TreeRecord& record) {
-  Result<NewBlob> blob = blobs_.Create();
-  if (!blob.ok()) return std::move(blob).error();
-  CheckedWriter writer(*std::move(blob), kRecordFileKind);
+void PutRecord(const TreeRecord& record, CheckedWriter* writer) {
   const std::string name = record.id.ToString();
-  writer.PutArray(std::span(name));
-  writer.Put(record.created_ms);
-  writer.Put(record.mesh_bytes);
-  writer.Put(record.resumed);
-  PutBool(record.mesh.has_value(), &writer);
+  writer->PutArray(std::span(name));
+  writer->Put(record.created_ms);
+  writer->Put(record.mesh_bytes);
+  writer->Put(record.resumed);
+  PutBool(record.mesh.has_value(), writer);
   if (record.mesh) {
-    PutMeshFacts(*record.mesh, &writer);
-    PutSurfaceFacts(*record.mesh, &writer);
+    PutMeshFacts(*record.mesh, writer);
+    PutSurfaceFacts(*record.mesh, writer);
   }
-  PutBool(record.tree.has_value(), &writer);
-  if (record.tree) PutTreeFacts(*record.tree, &writer);
-  Result<NewBlob> written = std::move(writer).Finish();
-  if (!written.ok()) return std::move(written).error();
-  return written->Commit(name);
+  PutBool(record.tree.has_value(), writer);
+  if (record.tree) PutTreeFacts(*record.tree, writer);
 }
 
-Result<TreeRecord> Catalog::Read(const TreeId& id) const {
+Result<TreeRecord> GetRecord(const TreeId& id, std::unique_ptr<ReadableFile> file) {
   const std::string name = id.ToString();
-  Result<std::unique_ptr<ReadableFile>> file = blobs_.Read(name);
-  if (!file.ok()) return std::move(file).error();
-  CheckedReader reader(*std::move(file), kRecordFileKind);
+  CheckedReader reader(std::move(file), kRecordFileKind);
   const std::vector<char> stored_name = reader.GetArray<char>();
   if (std::string_view(stored_name.data(), stored_name.size()) != name) reader.Fail();
   TreeRecord record;
@@ -93,6 +85,34 @@ Result<TreeRecord> Catalog::Read(const TreeId& id) const {
   }
   if (Status status = reader.Finish(); !status.ok()) return std::move(status).error();
   return record;
+}
+
+}  // namespace
+
+std::vector<std::byte> EncodeRecord(const TreeRecord& record) {
+  CheckedWriter writer(kRecordFileKind);
+  PutRecord(record, &writer);
+  return std::move(writer).FinishInMemory();
+}
+
+Result<TreeRecord> DecodeRecord(const TreeId& id, std::vector<std::byte> bytes) {
+  return GetRecord(id, std::make_unique<MemoryFile>(std::move(bytes)));
+}
+
+Status Catalog::Save(const TreeRecord& record) {
+  Result<NewBlob> blob = blobs_.Create();
+  if (!blob.ok()) return std::move(blob).error();
+  CheckedWriter writer(*std::move(blob), kRecordFileKind);
+  PutRecord(record, &writer);
+  Result<NewBlob> written = std::move(writer).Finish();
+  if (!written.ok()) return std::move(written).error();
+  return written->Commit(record.id.ToString());
+}
+
+Result<TreeRecord> Catalog::Read(const TreeId& id) const {
+  Result<std::unique_ptr<ReadableFile>> file = blobs_.Read(id.ToString());
+  if (!file.ok()) return std::move(file).error();
+  return GetRecord(id, *std::move(file));
 }
 
 Result<Catalog::Contents> Catalog::Load() const {

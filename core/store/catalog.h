@@ -3,6 +3,7 @@
 // affects only one tree.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <span>
@@ -15,6 +16,11 @@
 #include "core/store/blob_store.h"
 
 namespace kdray::core {
+
+/// The bytes of a record's file.
+std::vector<std::byte> EncodeRecord(const TreeRecord& record);
+/// kCorrupt unless they are valid and of this id.
+Result<TreeRecord> DecodeRecord(const TreeId& id, std::vector<std::byte> bytes);
 
 /// Safe from many threads at once; not for two calls about one id at the same time.
 class Catalog {

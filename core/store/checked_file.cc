@@ -48,8 +48,20 @@ Error Corrupt(const char* what) {
 
 CheckedWriter::CheckedWriter(NewBlob blob, const FileKind& kind, CancelToken cancel)
     : blob_(std::move(blob)), cancel_(std::move(cancel)), buffer_(kBufferBytes) {
+  Begin(kind);
+}
+
+CheckedWriter::CheckedWriter(const FileKind& kind) { Begin(kind); }
+
+void CheckedWriter::Begin(const FileKind& kind) {
   PutBytes(BytesOf(HeaderOf(kind)));
   payload_bytes_ = 0;
+}
+
+Status CheckedWriter::Emit(std::span<const std::byte> bytes) {
+  if (blob_) return blob_->Append(bytes);
+  memory_.insert(memory_.end(), bytes.begin(), bytes.end());
+  return {};
 }
 
 void CheckedWriter::PutBytes(std::span<const std::byte> bytes) {
@@ -73,7 +85,7 @@ void CheckedWriter::Write(std::span<const std::byte> bytes) {
     const auto piece = bytes.first(std::min(bytes.size(), kFilePieceBytes));
     bytes = bytes.subspan(piece.size());
     hash_.Update(piece);
-    status_ = blob_.Append(piece);
+    status_ = Emit(piece);
     since_look_ += piece.size();
     if (since_look_ < kFilePieceBytes) continue;
     since_look_ = 0;
@@ -81,16 +93,27 @@ void CheckedWriter::Write(std::span<const std::byte> bytes) {
   }
 }
 
-Result<NewBlob> CheckedWriter::Finish() && {
+void CheckedWriter::End() {
   Footer footer;
   footer.payload_bytes = payload_bytes_;
   PutBytes(BytesOf(footer.payload_bytes));
   Flush();
   footer.digest = hash_.Finish();
-  if (status_.ok()) status_ = blob_.Append(BytesOf(footer.digest));
-  if (status_.ok()) status_ = blob_.Sync();
+  if (status_.ok()) status_ = Emit(BytesOf(footer.digest));
+}
+
+Result<NewBlob> CheckedWriter::Finish() && {
+  assert(blob_);
+  End();
+  if (status_.ok()) status_ = blob_->Sync();
   if (!status_.ok()) return std::move(status_).error();
-  return std::move(blob_);
+  return *std::move(blob_);
+}
+
+std::vector<std::byte> CheckedWriter::FinishInMemory() && {
+  assert(!blob_);
+  End();
+  return std::move(memory_);
 }
 
 CheckedReader::CheckedReader(std::unique_ptr<ReadableFile> file, const FileKind& kind,

@@ -46,6 +46,8 @@ inline constexpr std::size_t kFilePieceBytes = std::size_t{1} << 20;
 class CheckedWriter {
  public:
   CheckedWriter(NewBlob blob, const FileKind& kind, CancelToken cancel = {});
+  /// Writes the file to memory; for small ones.
+  explicit CheckedWriter(const FileKind& kind);
 
   template <class T>
   void Put(const T& value) {
@@ -63,12 +65,18 @@ class CheckedWriter {
 
   /// Everything is on stable storage under its temporary name; Commit of the result names it.
   Result<NewBlob> Finish() &&;
+  /// The bytes of a file in memory.
+  std::vector<std::byte> FinishInMemory() &&;
 
  private:
+  void Begin(const FileKind& kind);
+  void End();
+  Status Emit(std::span<const std::byte> bytes);
   void Flush();
   void Write(std::span<const std::byte> bytes);
 
-  NewBlob blob_;
+  std::optional<NewBlob> blob_;  // nullopt: in memory
+  std::vector<std::byte> memory_;
   CancelToken cancel_;
   Sha256 hash_;
   std::vector<std::byte> buffer_;  // small pieces on their way

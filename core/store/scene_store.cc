@@ -50,6 +50,7 @@ Error DiskFull(std::uint64_t bytes, std::uint64_t free) {
 SceneStore::SceneStore(const Options& options)
     : file_system_(options.file_system),
       directory_(options.directory),
+      cache_of_(options.cache_of),
       blobs_{BlobStore(file_system_, directory_ / kFolders[0]),
              BlobStore(file_system_, directory_ / kFolders[1]),
              BlobStore(file_system_, directory_ / kFolders[2]),
@@ -66,6 +67,7 @@ Result<std::unique_ptr<SceneStore>> SceneStore::Open(const Options& options) {
   Result<std::unique_ptr<FileLock>> lock = store->file_system_->Lock(store->directory_ / "lock");
   if (!lock.ok()) return std::move(lock).error();
   store->lock_ = *std::move(lock);
+  if (Status status = store->CheckCacheMark(); !status.ok()) return std::move(status).error();
   return store;
 }
 
@@ -317,6 +319,23 @@ Status SceneStore::RemoveTradeoff(const Sha256Digest& mesh) {
   Status removed = Blobs(FileGroup::kMeasured).Remove(name);
   if (removed.ok()) usage_.Drop(FileGroup::kMeasured, name);
   return removed;
+}
+
+Result<std::unique_ptr<ReadableFile>> SceneStore::OpenTree(const Sha256Digest& mesh,
+                                                           BuildKind build) const {
+  return Blobs(FileGroup::kTrees).Read(TreeFileName(mesh, build));
+}
+
+Status SceneStore::StoreTree(const Sha256Digest& mesh, BuildKind build, std::uint64_t bytes,
+                             const std::function<Status(NewBlob*)>& fill) {
+  Status filled;
+  WriteDerived(FileGroup::kTrees, TreeFileName(mesh, build), bytes,
+               [&](NewBlob blob) -> Result<NewBlob> {
+                 filled = fill(&blob);
+                 if (!filled.ok()) return filled.error();
+                 return blob;
+               });
+  return filled;
 }
 
 void SceneStore::RemoveTree(const Sha256Digest& mesh, BuildKind build) {

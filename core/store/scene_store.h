@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The data directory:
 //   lock              held while a daemon uses the directory
+//   cache-of          the name of the shared store, if the directory is a cache of one
 //   meshes/<sha256>   the uploaded bytes
 //   catalog/<id>      the records of trees (catalog.h): a mesh without a record is not served, and
 //                     is kept until the same bytes are uploaded again or the limit needs its room
@@ -17,6 +18,7 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -57,6 +59,8 @@ class NewMesh {
   /// was not called, and gives it its name.
   Status Sync() { return blob_.Sync(); }
   std::uint64_t bytes() const { return blob_.bytes(); }
+  /// The bytes so far, as NewBlob::Reopen.
+  Result<std::unique_ptr<ReadableFile>> Reopen() const { return blob_.Reopen(); }
 
  private:
   friend class SceneStore;
@@ -77,9 +81,11 @@ class SceneStore {
     FileSystem* file_system = nullptr;
     std::filesystem::path directory;
     std::optional<std::uint64_t> limit_bytes;  ///< of meshes and derived files together
+    /// The name of the shared store (shared_store.h) whose cache the directory is; else empty.
+    std::string cache_of = {};
   };
-  /// Locks the directory for this process. Errors: kInvalidArgument if another process has it, else
-  /// those of FileSystem.
+  /// Locks the directory for this process. Errors: kInvalidArgument if another process has it, or
+  /// it is the cache of another store than `cache_of`, else those of FileSystem.
   static Result<std::unique_ptr<SceneStore>> Open(const Options& options);
 
   struct Contents {
@@ -88,9 +94,10 @@ class SceneStore {
         unreadable_meshes;  ///< of the recorded ones: missing, foreign, truncated
   };
   /// Reads the records and lists the folders, which it makes if they do not exist. Call once, after
-  /// Open. Removes only derived files without a mesh. Keeps every record, whatever the state of its
-  /// mesh. kCorrupt, with nothing changed, when the directory is not what it was: a folder belongs
-  /// to another user or cannot be read; one is missing although the catalog names meshes, or the
+  /// Open. kInvalidArgument if it becomes a cache although it has trees, which would be lost.
+  /// Removes only derived files without a mesh. Keeps every record, whatever the state of its mesh.
+  /// kCorrupt, with nothing changed, when the directory is not what it was: a folder belongs to
+  /// another user or cannot be read; one is missing although the catalog names meshes, or the
   /// catalog's although there are meshes; or at least two, and more than half, of the recorded
   /// meshes or of the records cannot be read.
   Result<Contents> Load();
@@ -145,6 +152,12 @@ class SceneStore {
   Result<Tree> ReadTree(const TreeFileKey& key, const CancelToken& cancel = {});
   void WriteTree(const TreeFileKey& key, const Tree& tree, const CancelToken& cancel = {});
   void RemoveTree(const Sha256Digest& mesh, BuildKind build);
+  /// The stored tree as bytes. kNotFound.
+  Result<std::unique_ptr<ReadableFile>> OpenTree(const Sha256Digest& mesh, BuildKind build) const;
+  /// Stores a tree of `bytes` bytes, which `fill` writes. Its error comes back, and nothing is
+  /// stored. A lack of room is no error.
+  Status StoreTree(const Sha256Digest& mesh, BuildKind build, std::uint64_t bytes,
+                   const std::function<Status(NewBlob*)>& fill);
 
   /// kNotFound if there is no result.
   Result<MeasuredTradeoff> ReadTradeoff(const Sha256Digest& mesh);
@@ -184,6 +197,8 @@ class SceneStore {
   static constexpr std::string_view kCatalogFolder = "catalog";
 
   explicit SceneStore(const Options& options);
+  Status CheckCacheMark();
+  Status MarkAsCache();
   Status MakeRoomForArrived(std::uint64_t bytes, ArrivingRoom* room);
   BlobStore& Blobs(FileGroup group) { return blobs_[static_cast<std::size_t>(group)]; }
   const BlobStore& Blobs(FileGroup group) const { return blobs_[static_cast<std::size_t>(group)]; }
@@ -205,6 +220,8 @@ class SceneStore {
 
   FileSystem* const file_system_;
   const std::filesystem::path directory_;
+  const std::string cache_of_;
+  bool is_marked_as_cache_ = false;
   std::unique_ptr<FileLock> lock_;
   std::array<BlobStore, kFileGroups> blobs_;  // by FileGroup
   Catalog catalog_;

@@ -40,6 +40,9 @@ std::string Count(std::uint64_t count, const std::string& noun, const char* plur
 constexpr FileGroup kGroupsOnDisk[] = {FileGroup::kMeshes, FileGroup::kParsed, FileGroup::kTrees,
                                        FileGroup::kMeasured};
 
+constexpr std::string_view kCacheMark = "cache-of";
+constexpr std::uint64_t kMostMarkBytes = 4096;
+
 std::size_t IndexOf(FileGroup group) { return static_cast<std::size_t>(group); }
 
 // One damaged file is possible; if most are missing, the disk or the owner is wrong.
@@ -66,6 +69,34 @@ Result<std::set<std::string_view>> SceneStore::MissingFolders() const {
     }
   }
   return missing;
+}
+
+// The trees of a cache that are not in its store are taken for deleted. So a directory is the cache
+// of one store from its first use on, and nothing else.
+Status SceneStore::CheckCacheMark() {
+  const auto file = file_system_->Open(directory_ / kCacheMark);
+  if (!file.ok() && file.error().code == ErrorCode::kNotFound) return {};
+  if (!file.ok()) return file.error();
+  if ((*file)->size() > kMostMarkBytes) return Refusal("the file cache-of is too long");
+  std::string name(static_cast<std::size_t>((*file)->size()), '\0');
+  if (Status read = (*file)->ReadAt(0, std::as_writable_bytes(std::span(name))); !read.ok()) {
+    return read;
+  }
+  is_marked_as_cache_ = true;
+  if (name == cache_of_) return {};
+  return Error{ErrorCode::kInvalidArgument,
+               "it is the cache of the store " + name + ", not " +
+                   (cache_of_.empty() ? "a store of its own" : "of " + cache_of_)};
+}
+
+Status SceneStore::MarkAsCache() {
+  BlobStore root(file_system_, directory_);
+  Result<NewBlob> blob = root.Create();
+  if (!blob.ok()) return std::move(blob).error();
+  if (Status written = blob->Append(std::as_bytes(std::span(cache_of_))); !written.ok()) {
+    return written;
+  }
+  return blob->Commit(kCacheMark);
 }
 
 std::optional<std::string> SceneStore::WhyUnreadable(const Sha256Digest& mesh,
@@ -157,6 +188,15 @@ Result<SceneStore::Contents> SceneStore::Load() {
   }
   Result<std::set<Sha256Digest>> unreadable = UnreadableMeshes(recorded);
   if (!unreadable.ok()) return std::move(unreadable).error();
+
+  if (!cache_of_.empty() && !is_marked_as_cache_) {
+    if (!recorded.empty() || stored != 0) {
+      return Error{ErrorCode::kInvalidArgument,
+                   "it has meshes that are not in the store, so it cannot become its cache; use an "
+                   "empty directory, and upload the meshes again"};
+    }
+    if (Status marked = MarkAsCache(); !marked.ok()) return std::move(marked).error();
+  }
 
   // Everything is accounted for. From here on files are made and removed.
   for (const FileGroup group : kGroupsOnDisk) {
