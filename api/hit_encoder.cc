@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <limits>
@@ -197,27 +198,27 @@ class HitForm {
     // GCC's vectors (manual, "Using Vector Instructions through Built-in Functions").
     using Doubles [[gnu::vector_size(2 * sizeof(double))]] = double;
     using Numbers [[gnu::vector_size(2 * sizeof(T))]] = T;
-    constexpr double kMost = static_cast<double>(std::numeric_limits<T>::max());
-    // A NaN passes: comparisons with it are false.
-    const auto narrow = [](Doubles x) {
-      x = x > kMost ? Doubles{} + kMost : x;
-      x = x < -kMost ? Doubles{} - kMost : x;
-      return __builtin_convertvector(x, Numbers) + T{0};
-    };
-    struct {
-      T t;
-      IntegerOf<T> triangle;
-      T u, v;
-    } packed;
-    static_assert(sizeof(packed) == 4 * sizeof(T));
+    constexpr T kMost = std::numeric_limits<T>::max();
+    constexpr T kLargestT[] = {kMost, std::numeric_limits<T>::infinity()};  // of a hit, of a miss
+    static_assert(offsetof(RayHit, v) == offsetof(RayHit, u) + sizeof(double));
+    // What is beyond T's range is infinite after the conversion. A NaN passes: comparisons with it
+    // are false.
     for (const RayHit& hit : hits.hits) {
-      const Numbers uv = narrow(Doubles{hit.u, hit.v});
-      const T finite_t = narrow(Doubles{hit.t, hit.t})[0], miss_t = static_cast<T>(hit.t);
-      packed.t = hit.triangle < 0 ? miss_t : finite_t;
-      packed.triangle = static_cast<IntegerOf<T>>(hit.triangle);
-      packed.u = uv[0];
-      packed.v = uv[1];
-      std::memcpy(out, &packed, sizeof(packed));
+      Doubles u_v;
+      std::memcpy(&u_v, &hit.u, sizeof(u_v));
+      Numbers uv = __builtin_convertvector(u_v, Numbers);
+      uv = uv > kMost ? Numbers{} + kMost : uv;
+      uv = uv < -kMost ? Numbers{} - kMost : uv;
+      uv += T{0};
+      const T largest_t = kLargestT[hit.triangle < 0];
+      auto t = static_cast<T>(hit.t);
+      t = t > largest_t ? largest_t : t;
+      t = t < -largest_t ? -largest_t : t;
+      t += T{0};
+      const auto triangle = static_cast<IntegerOf<T>>(hit.triangle);
+      std::memcpy(out, &t, sizeof(t));
+      std::memcpy(out + sizeof(t), &triangle, sizeof(triangle));
+      std::memcpy(out + 2 * sizeof(t), &uv, sizeof(uv));
       out += stride;
     }
   }
