@@ -15,6 +15,7 @@
 #include "core/render/depth_range.h"
 #include "core/render/heat_map.h"
 #include "core/render/shading.h"
+#include "core/render/srgb_codes.h"
 
 namespace kdray::core {
 namespace {
@@ -85,12 +86,13 @@ void Write(const Rgba& c, const Encode& encode, std::span<std::uint8_t> pixel) {
 /// A row of light, premultiplied red, green, blue and coverage. Most pixels are grey, and a grey is
 /// encoded once.
 void WriteLightRow(std::span<const float> row, std::size_t channels, std::span<std::uint8_t> out) {
+  const SrgbCodes& code_of = SrgbCodes::Table();
   for (; !row.empty(); row = row.subspan(4), out = out.subspan(channels)) {
     const Rgba c = {row[0], row[1], row[2], row[3]};
     const float unpremultiply = c.a > 0.0f ? 1.0f / c.a : 0.0f;
-    out[0] = LinearToSrgb8(c.r * unpremultiply);
-    out[1] = c.g == c.r ? out[0] : LinearToSrgb8(c.g * unpremultiply);
-    out[2] = c.b == c.r ? out[0] : LinearToSrgb8(c.b * unpremultiply);
+    out[0] = code_of(c.r * unpremultiply);
+    out[1] = c.g == c.r ? out[0] : code_of(c.g * unpremultiply);
+    out[2] = c.b == c.r ? out[0] : code_of(c.b * unpremultiply);
     if (channels == 4) out[3] = ToUnorm8(c.a);
   }
 }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -60,6 +61,26 @@ TEST(Color, EncodingRoundsToTheNearestCode) {
     // Half a code, and a little for the float argument.
     ASSERT_NEAR(LinearToSrgb8(static_cast<float>(linear)), code, 0.5 + 1e-3) << linear;
   }
+}
+
+TEST(Color, EncodingGrowsWithTheValueAndTakesEveryCode) {
+  // Every 64th float, where a code begins with its neighbours.
+  std::uint8_t last = 0;
+  for (std::uint32_t bits = 0; bits <= std::bit_cast<std::uint32_t>(1.0f); bits += 64) {
+    const std::uint8_t code = LinearToSrgb8(std::bit_cast<float>(bits));
+    ASSERT_LE(code - last, 1) << bits;
+    ASSERT_GE(code, last) << bits;
+    if (code != last) {
+      std::uint8_t before = last;
+      for (std::uint32_t near = bits - 63; near <= bits; ++near) {
+        const std::uint8_t between = LinearToSrgb8(std::bit_cast<float>(near));
+        ASSERT_GE(between, before) << near;
+        before = between;
+      }
+    }
+    last = code;
+  }
+  EXPECT_EQ(last, 255);
 }
 
 TEST(Color, EncodingKeepsEveryCode) {
