@@ -21,11 +21,13 @@ namespace kdray::core {
 namespace {
 
 // A picture is cut into strips of rows, which are compressed in parallel, and whose streams are
-// joined. The strips have a fixed size, so the file does not depend on the number of threads. Each
-// takes some 2 ms, so the work ends soon after a cancellation. Smaller strips make larger files.
-constexpr std::size_t kStripBytes = std::size_t{1} << 18;
-// Of libdeflate. At higher levels, time grows faster than files shrink.
-constexpr int kLevel = 3;
+// joined. Their number depends on the picture alone, so the file does not depend on the number of
+// threads. A strip of this size takes some 8 ms, so the work ends soon after a cancellation.
+// Smaller strips make larger files, and each one except the last is decoded to join it (Open).
+constexpr std::size_t kMostStripBytes = std::size_t{1} << 21;
+// Of libdeflate. Level 1 is no faster on rendered pictures; at higher levels, time grows faster
+// than files shrink.
+constexpr int kLevel = 2;
 // Work (CancelPoll) of filtering and compressing a byte.
 constexpr std::uint64_t kWorkPerByte = 16;
 
@@ -196,7 +198,8 @@ struct Strip {
 Result<std::vector<std::byte>> EncodeInStrips(const PixelRows& picture, const CancelToken& cancel) {
   const std::size_t row_bytes = picture.RowBytes();
   const auto height = static_cast<std::size_t>(picture.height);
-  const std::size_t rows_at_once = std::max(std::size_t{1}, kStripBytes / row_bytes);
+  const std::size_t strip_count = (height * row_bytes + kMostStripBytes - 1) / kMostStripBytes;
+  const std::size_t rows_at_once = (height + strip_count - 1) / strip_count;
   std::vector<Strip> strips((height + rows_at_once - 1) / rows_at_once);
   std::atomic<bool> stopped{false};
   std::atomic<bool> failed{false};
