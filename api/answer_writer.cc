@@ -32,11 +32,13 @@ ByteBlock Joined(const std::vector<ByteBlock>& pieces, std::size_t bytes) {
 
 template <class Rows>
 AnswerWriter<Rows>::AnswerWriter(BatchType type, std::unique_ptr<const RowEncoder<Rows>> encoder,
-                                 std::optional<std::vector<std::size_t>> shape, ChargeBytes charge)
+                                 std::optional<std::vector<std::size_t>> shape, ChargeBytes charge,
+                                 BlockSource* blocks)
     : type_(type),
       encoder_(std::move(encoder)),
       shape_(std::move(shape)),
-      charge_(std::move(charge)) {}
+      charge_(std::move(charge)),
+      blocks_(blocks) {}
 
 template <class Rows>
 Check AnswerWriter<Rows>::Begin(std::size_t elements) {
@@ -45,9 +47,31 @@ Check AnswerWriter<Rows>::Begin(std::size_t elements) {
   block_first_ += std::exchange(block_elements_, elements);
   if (type_ == BatchType::kJson || elements == 0) return std::nullopt;
   const std::size_t bytes = elements * encoder_->ElementBytes();
-  if (charge_) problem_ = charge_(bytes);
-  if (!problem_) pieces_.emplace_back(bytes);
-  return problem_;
+  if (bytes > pieces_.back().room()) problem_ = AddPiece(bytes);
+  if (problem_) return problem_;
+  block_at_ = pieces_.back().size();
+  pieces_.back().Extend(bytes);
+  return std::nullopt;
+}
+
+// A piece with room for `bytes`, and for further blocks if the answer will fill at least half of
+// one of the source.
+template <class Rows>
+Check AnswerWriter<Rows>::AddPiece(std::size_t bytes) {
+  std::size_t left = bytes;
+  if (shape_) {
+    std::size_t elements = 1;
+    for (const std::size_t length : *shape_) elements *= length;
+    left = (elements - block_first_) * encoder_->ElementBytes();
+  }
+  const bool from_source =
+      blocks_ != nullptr && bytes <= blocks_->block_bytes() && left >= blocks_->block_bytes() / 2;
+  if (charge_) {
+    if (auto problem = charge_(from_source ? blocks_->block_bytes() : bytes)) return problem;
+  }
+  ByteBlock piece = from_source ? ByteBlock(blocks_) : ByteBlock::WithRoom(bytes);
+  pieces_.push_back(std::move(piece));
+  return std::nullopt;
 }
 
 template <class Rows>
@@ -55,7 +79,7 @@ void AnswerWriter<Rows>::Put(const Rows& rows) {
   if (type_ == BatchType::kNpy) {
     if (block_elements_ == 0) return;
     const std::size_t first = rows.first_element() - block_first_;
-    encoder_->PutNpy(rows, pieces_.back().data() + first * encoder_->ElementBytes());
+    encoder_->PutNpy(rows, pieces_.back().data() + block_at_ + first * encoder_->ElementBytes());
     return;
   }
   ByteBlock most(encoder_->MostJsonBytes(rows));

@@ -186,7 +186,7 @@ std::string WhyNotNpy(std::string_view bytes) {
 
 }  // namespace
 
-Outcome<NpyArray> ReadNpy(std::string_view bytes) {
+Outcome<NpyStart> ReadNpyStart(std::string_view bytes) {
   if (!bytes.starts_with(kNpyMagic)) {
     return InvalidArray(WhyNotNpy(bytes));
   }
@@ -210,15 +210,24 @@ Outcome<NpyArray> ReadNpy(std::string_view bytes) {
   }
 
   Outcome<NpyArray> array = HeaderParser(bytes.substr(header_at, header_size)).Parse();
-  if (!array) return array;
-  array->data = bytes.substr(header_at + header_size);
-  const std::optional<std::uint64_t> wanted = TotalBytes(*array);
-  if (!wanted) return InvalidArray("the array's shape overflows");
-  if (*wanted != array->data.size()) {
-    return InvalidArray("the array's shape and type make " + std::to_string(*wanted) +
-                        " bytes, and " + std::to_string(array->data.size()) + " follow the header");
-  }
-  return array;
+  if (!array) return std::move(array).problem();
+  const std::optional<std::uint64_t> data_bytes = TotalBytes(*array);
+  if (!data_bytes) return InvalidArray("the array's shape overflows");
+  return NpyStart{*std::move(array), header_at + header_size, *data_bytes};
+}
+
+Check NpyStart::CheckSize(std::uint64_t present_bytes) const {
+  if (data_bytes == present_bytes) return std::nullopt;
+  return InvalidArray("the array's shape and type make " + std::to_string(data_bytes) +
+                      " bytes, and " + std::to_string(present_bytes) + " follow the header");
+}
+
+Outcome<NpyArray> ReadNpy(std::string_view bytes) {
+  Outcome<NpyStart> start = ReadNpyStart(bytes);
+  if (!start) return std::move(start).problem();
+  start->array.data = bytes.substr(start->header_bytes);
+  if (auto problem = start->CheckSize(start->array.data.size())) return *std::move(problem);
+  return std::move(start->array);
 }
 
 std::string NpyHeader(std::string_view descr, std::span<const std::size_t> shape) {

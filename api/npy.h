@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <string>
 #include <string_view>
@@ -30,6 +31,20 @@ struct NpyArray {
 /// nothing is evaluated), more than 33 dimensions, or a size that differs from the number of bytes.
 /// Allocates only the shape, whatever the header claims.
 Outcome<NpyArray> ReadNpy(std::string_view bytes);
+
+/// What the beginning of an array says of it.
+struct NpyStart {
+  NpyArray array;                ///< without its data
+  std::size_t header_bytes = 0;  ///< before the data
+  std::uint64_t data_bytes = 0;  ///< by type and shape
+
+  /// invalid_array unless that is what follows the header.
+  Check CheckSize(std::uint64_t present_bytes) const;
+};
+
+/// Reads what stands before the elements, if `bytes` have all of it: the problems of ReadNpy()
+/// except that of the size.
+Outcome<NpyStart> ReadNpyStart(std::string_view bytes);
 
 /// Everything before the elements, version 1.0, padded so that they start at a multiple of 64
 /// bytes. `descr` is a Python literal (`'<f4'` with its quotes, or a list for a structured type);

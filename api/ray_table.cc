@@ -2,17 +2,14 @@
 #include "api/ray_table.h"
 
 #include <algorithm>
-#include <bit>
 #include <cassert>
 #include <cstring>
+#include <optional>
 #include <string>
-#include <type_traits>
+#include <utility>
 
 namespace kdray::api {
 namespace {
-
-static_assert(std::endian::native == std::endian::little,
-              ".npy elements are copied as they are; a big-endian machine has to swap them");
 
 /// The rows of a leading shape in C order, with their numbers in Fortran order, the order of their
 /// elements in memory.
@@ -43,45 +40,9 @@ class FortranOrder {
   std::size_t at_ = 0;
 };
 
-/// Puts a row of 6 or 8 columns into the order of kRayNumbers.
-template <class Sent, class T>
-void PutRow(const Sent* n, bool with_interval, T t_min, T t_max, T* out) {
-  out[0] = static_cast<T>(n[0]);
-  out[1] = static_cast<T>(n[1]);
-  out[2] = static_cast<T>(n[2]);
-  out[3] = with_interval ? static_cast<T>(n[6]) : t_min;
-  out[4] = static_cast<T>(n[3]);
-  out[5] = static_cast<T>(n[4]);
-  out[6] = static_cast<T>(n[5]);
-  out[7] = with_interval ? static_cast<T>(n[7]) : t_max;
-}
-
-/// Rows of kColumns in C order. The elements are not aligned, so they are copied.
-template <std::size_t kColumns, class Sent, class T>
-void ReadInOrder(const char* data, T t_min, T t_max, std::span<T> numbers) {
-  if constexpr (std::is_same_v<Sent, T>) {
-    // Three numbers at a time, without a conversion: this is what most batches are.
-    constexpr std::size_t kVector = 3 * sizeof(T);
-    for (T *out = numbers.data(), *end = out + numbers.size(); out != end; out += kRayNumbers) {
-      std::memcpy(out, data, kVector);
-      std::memcpy(out + 4, data + kVector, kVector);
-      if constexpr (kColumns == 8) {
-        std::memcpy(out + 3, data + 2 * kVector, sizeof(T));
-        std::memcpy(out + 7, data + 2 * kVector + sizeof(T), sizeof(T));
-      } else {
-        out[3] = t_min;
-        out[7] = t_max;
-      }
-      data += kColumns * sizeof(T);
-    }
-    return;
-  }
-  for (std::size_t at = 0; at < numbers.size(); at += kRayNumbers) {
-    Sent n[kRayNumbers] = {};
-    std::memcpy(n, data, kColumns * sizeof(Sent));
-    data += kColumns * sizeof(Sent);
-    PutRow(n, kColumns == 8, t_min, t_max, &numbers[at]);
-  }
+template <class T>
+std::span<char> BytesOf(std::span<T> numbers) {
+  return {reinterpret_cast<char*>(numbers.data()), numbers.size_bytes()};
 }
 
 std::string ShapeText(const std::vector<std::size_t>& shape) {
@@ -93,23 +54,28 @@ std::string ShapeText(const std::vector<std::size_t>& shape) {
   return text + (shape.size() == 1 ? ",)" : ")");
 }
 
-bool FitsFloat(double value) { return static_cast<double>(static_cast<float>(value)) == value; }
-
 }  // namespace
 
 RayTable::RayTable(std::unique_ptr<double[]> numbers, std::size_t rows)
     : shape_{rows}, rows_(rows), source_(std::move(numbers)) {}
 
+RayTable::RayTable(std::vector<std::size_t> shape, RayBlocks blocks)
+    : shape_(std::move(shape)),
+      rows_(blocks.rows),
+      number_type_(blocks.sent),
+      row_type_(blocks.sent),
+      source_(std::move(blocks)) {}
+
 Outcome<RayTable> RayTable::FromNpy(NpyArray array, double t_min, double t_max,
                                     std::uint64_t max_rows) {
-  if (array.shape.empty() || (array.shape.back() != 6 && array.shape.back() != 8)) {
+  const std::optional<RayRowForm> form = RayRowForm::Of(array, t_min, t_max);
+  if (!form) {
     return Problem{ErrorCode::kInvalidArray, "the array has the shape " + ShapeText(array.shape) +
                                                  "; rays have the shape (…, 6) or (…, 8)"};
   }
   RayTable table;
   table.shape_.assign(array.shape.begin(), array.shape.end() - 1);
-  const std::size_t row_bytes = array.shape.back() * (array.type == NumberType::kF4 ? 4 : 8);
-  table.rows_ = array.data.size() / row_bytes;
+  table.rows_ = array.data.size() / form->RowBytes();
   if (table.rows_ > max_rows) {
     Problem problem{ErrorCode::kTooManyRays, "the batch has " + std::to_string(table.rows_) +
                                                  " rows; at most " + std::to_string(max_rows) +
@@ -118,58 +84,83 @@ Outcome<RayTable> RayTable::FromNpy(NpyArray array, double t_min, double t_max,
     problem.actual = static_cast<double>(table.rows_);
     return problem;
   }
-  const bool interval_fits = array.shape.back() == 8 || (FitsFloat(t_min) && FitsFloat(t_max));
   table.number_type_ = array.type;
-  table.row_type_ = interval_fits ? array.type : NumberType::kF8;
-  table.source_ = NpyRows{std::move(array), t_min, t_max};
+  table.row_type_ = form->RayType();
+  table.source_ = NpyRows{std::move(array), *form};
   return table;
 }
 
-template <class Sent, class T>
+template <class T>
 void RayTable::ReadNpy(const NpyRows& npy, std::size_t first_row, std::span<T> numbers) const {
-  const auto t_min = static_cast<T>(npy.t_min), t_max = static_cast<T>(npy.t_max);
-  const std::size_t columns = npy.array.shape.back();
   const char* data = npy.array.data.data();
   if (!npy.array.fortran_order) {
-    data += first_row * columns * sizeof(Sent);
-    return columns == 8 ? ReadInOrder<8, Sent>(data, t_min, t_max, numbers)
-                        : ReadInOrder<6, Sent>(data, t_min, t_max, numbers);
+    return npy.form.Read(data + first_row * npy.form.RowBytes(), numbers);
   }
+  const std::size_t bytes = RayRowForm::BytesOf(npy.form.sent);
   FortranOrder order(shape_, first_row);
   for (std::size_t at = 0; at < numbers.size(); at += kRayNumbers, order.Next()) {
-    Sent n[kRayNumbers] = {};
-    for (std::size_t column = 0; column < columns; ++column) {
-      std::memcpy(&n[column], data + (column * rows_ + order.at()) * sizeof(Sent), sizeof(Sent));
-    }
-    PutRow(n, columns == 8, t_min, t_max, &numbers[at]);
+    npy.form.ReadColumns(data + order.at() * bytes, rows_ * bytes,
+                         numbers.subspan(at).template first<kRayNumbers>());
+  }
+}
+
+std::span<const char> RayTable::InBlock(std::size_t first_row) const {
+  const RayBlocks& in = std::get<RayBlocks>(source_);
+  const std::size_t ray_bytes = kRayNumbers * RayRowForm::BytesOf(row_type_);
+  const std::string_view block = in.blocks[first_row / in.rows_in_block].view();
+  return block.substr(first_row % in.rows_in_block * ray_bytes);
+}
+
+void RayTable::ReadBlocks(std::size_t first_row, std::span<char> out) const {
+  const std::size_t ray_bytes = kRayNumbers * RayRowForm::BytesOf(row_type_);
+  while (!out.empty()) {
+    const std::span<const char> block = InBlock(first_row);
+    const std::size_t bytes = std::min(block.size(), out.size());
+    std::copy_n(block.begin(), bytes, out.begin());
+    out = out.subspan(bytes);
+    first_row += bytes / ray_bytes;
   }
 }
 
 void RayTable::Read(std::size_t first_row, std::span<float> numbers) const {
   assert(row_type_ == NumberType::kF4);
   if (numbers.empty()) return;
-  ReadNpy<float>(std::get<NpyRows>(source_), first_row, numbers);
+  if (blocks() != nullptr) return ReadBlocks(first_row, BytesOf(numbers));
+  ReadNpy(std::get<NpyRows>(source_), first_row, numbers);
 }
 
 void RayTable::Read(std::size_t first_row, std::span<double> numbers) const {
   assert(row_type_ == NumberType::kF8);
   if (numbers.empty()) return;
+  if (blocks() != nullptr) return ReadBlocks(first_row, BytesOf(numbers));
   if (const auto* rows = std::get_if<std::unique_ptr<double[]>>(&source_)) {
     std::copy_n(rows->get() + first_row * kRayNumbers, numbers.size(), numbers.begin());
-  } else if (number_type_ == NumberType::kF8) {
-    ReadNpy<double>(std::get<NpyRows>(source_), first_row, numbers);
   } else {
-    ReadNpy<float>(std::get<NpyRows>(source_), first_row, numbers);
+    ReadNpy(std::get<NpyRows>(source_), first_row, numbers);
   }
 }
 
 std::span<const char> RayTable::MemoryOf(std::size_t rows) const {
+  if (blocks() != nullptr) return {};
   if (const auto* numbers = std::get_if<std::unique_ptr<double[]>>(&source_)) {
     return {reinterpret_cast<const char*>(numbers->get()), rows * kRayNumbers * sizeof(double)};
   }
   const NpyArray& array = std::get<NpyRows>(source_).array;
   if (array.fortran_order || rows_ == 0) return {};
   return array.data.substr(0, array.data.size() / rows_ * rows);
+}
+
+std::size_t RayTable::FreeBlocks(std::size_t rows) {
+  auto* const in = std::get_if<RayBlocks>(&source_);
+  if (in == nullptr) return 0;
+  const std::size_t read =
+      rows == rows_ ? in->blocks.size() : std::min(rows / in->rows_in_block, in->blocks.size());
+  std::size_t freed = 0;
+  for (std::size_t i = read; i > 0 && in->blocks[i - 1].capacity() != 0; --i) {
+    freed += in->blocks[i - 1].capacity();
+    in->blocks[i - 1] = ByteBlock();
+  }
+  return freed;
 }
 
 }  // namespace kdray::api

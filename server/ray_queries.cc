@@ -29,7 +29,7 @@ constexpr std::size_t kReadRows = 512;
 // Rows of an answer that one thread takes at a time.
 constexpr std::size_t kAnswerRows = 4096;
 // Rows that one thread gives to the sink at a time, which then still are in its first cache.
-constexpr std::size_t kPutRows = 1024;
+constexpr std::size_t kPutRows = 512;
 // Hits of `all` that a block may have at most.
 constexpr std::size_t kBlockHits = std::size_t{1} << 20;
 // Hits of `all` that one thread gives to the sink at a time.
@@ -68,38 +68,55 @@ api::Check ForEachPiece(std::size_t count, std::size_t grain, const core::Cancel
   return std::nullopt;
 }
 
-/// The rows of a batch as core's rays, a block at a time. T is the type of the table's rows.
+/// The rows of a batch as core's rays, a block at a time. T is the type of the table's rows, whose
+/// order of numbers is that of a ray in memory.
 template <class T>
-class RayBlocks {
+class BatchRays {
+  static_assert(sizeof(core::RayOf<T>) == api::kRayNumbers * sizeof(T) &&
+                offsetof(core::RayOf<T>, t_min) == 3 * sizeof(T) &&
+                offsetof(core::RayOf<T>, direction) == 4 * sizeof(T) &&
+                offsetof(core::RayOf<T>, t_max) == 7 * sizeof(T));
+
  public:
-  RayBlocks(const RayQuery& query, std::size_t block_rows, api::BatchReport* report)
+  BatchRays(const RayQuery& query, std::size_t block_rows, api::BatchReport* report)
       : query_(query),
         report_(report),
         block_rows_(std::min(block_rows, query.rays.size())),
-        rays_(block_rows_) {}
+        copies_(query.rays.blocks() == nullptr ? block_rows_ : 0) {}
 
-  /// f(rays, number of the first) for every block; stops at the first problem.
-  template <class F>
-  api::Check ForEach(const F& f) {
-    for (std::size_t first = 0; first < query_.rays.size(); first += block_rows_) {
-      const std::size_t count = std::min(block_rows_, query_.rays.size() - first);
-      if (auto problem = Timed(&report_->parse_ms, [&] { return Read(first, count); })) {
-        return problem;
+  /// f(rays, number of the first) for every block; stops at the first problem. Calls
+  /// have_read(rows) when the first `rows` rows of the table will not be read again.
+  template <class F, class HaveRead>
+  api::Check ForEach(const F& f, const HaveRead& have_read) {
+    const api::RayBlocks* const blocks = query_.rays.blocks();
+    if (blocks != nullptr) report_->invalid = blocks->invalid;
+    for (std::size_t first = 0; first < query_.rays.size();) {
+      std::span<const core::RayOf<T>> rays;
+      if (blocks != nullptr) {
+        rays = InPlace(first);
+      } else {
+        rays = copies_.first(std::min(block_rows_, query_.rays.size() - first));
+        const auto read = [&] { return Read(first, rays.size()); };
+        if (auto problem = Timed(&report_->parse_ms, read)) return problem;
+        have_read(first + rays.size());
       }
-      if (auto problem = f(std::as_const(rays_).first(count), first)) return problem;
+      if (auto problem = f(rays, first)) return problem;
+      first += rays.size();
+      if (blocks != nullptr) have_read(first);
     }
     return std::nullopt;
   }
 
  private:
+  std::span<const core::RayOf<T>> InPlace(std::size_t first_row) const {
+    const std::span<const char> bytes = query_.rays.InBlock(first_row);
+    const std::size_t rows = std::min(block_rows_, bytes.size() / sizeof(core::RayOf<T>));
+    return {reinterpret_cast<const core::RayOf<T>*>(bytes.data()), rows};
+  }
+
   // Reads rows and lists the invalid ones.
   api::Check Read(std::size_t first_row, std::size_t count) {
-    // The table's order of numbers is that of a ray in memory.
-    static_assert(sizeof(core::RayOf<T>) == api::kRayNumbers * sizeof(T) &&
-                  offsetof(core::RayOf<T>, t_min) == 3 * sizeof(T) &&
-                  offsetof(core::RayOf<T>, direction) == 4 * sizeof(T) &&
-                  offsetof(core::RayOf<T>, t_max) == 7 * sizeof(T));
-    const std::span<core::RayOf<T>> rays = rays_.first(count);
+    const std::span<core::RayOf<T>> rays = copies_.first(count);
     std::vector<std::uint64_t>& invalid = report_->invalid;
     const std::size_t invalid_before = invalid.size();
     std::mutex mutex;
@@ -122,18 +139,19 @@ class RayBlocks {
   const RayQuery& query_;
   api::BatchReport* report_;
   const std::size_t block_rows_;
-  RawArray<core::RayOf<T>> rays_;
+  RawArray<core::RayOf<T>> copies_;
 };
 
 /// f(rays, number of the first), rays a std::span<const core::RayOf<T>>, for every block of the
-/// batch.
-template <class F>
-api::Check ForEachBlock(const RayQuery& query, std::size_t block_rows, api::BatchReport* report,
-                        const F& f) {
+/// batch; tells the sink what has been read.
+template <class Rows, class F>
+api::Check ForEachBlock(const RayQuery& query, std::size_t block_rows, api::RowSink<Rows>* sink,
+                        api::BatchReport* report, const F& f) {
+  const auto have_read = [sink](std::size_t rows) { sink->HaveRead(rows); };
   if (query.rays.row_type() == api::NumberType::kF4) {
-    return RayBlocks<float>(query, block_rows, report).ForEach(f);
+    return BatchRays<float>(query, block_rows, report).ForEach(f, have_read);
   }
-  return RayBlocks<double>(query, block_rows, report).ForEach(f);
+  return BatchRays<double>(query, block_rows, report).ForEach(f, have_read);
 }
 
 /// The queries with one element per row: `trace(batch, elements)` fills a block of Elements, and
@@ -142,8 +160,7 @@ template <class Element, class Rows, class Trace, class Put>
 api::Check AnswerRows(const RayQuery& query, api::RowSink<Rows>* sink, api::BatchReport* report,
                       const Trace& trace, const Put& put) {
   RawArray<Element> elements(std::min(kBlockRays, query.rays.size()));
-  return ForEachBlock(query, kBlockRays, report, [&](auto rays, std::size_t first_row) {
-    sink->HaveRead(first_row + rays.size());
+  return ForEachBlock(query, kBlockRays, sink, report, [&](auto rays, std::size_t first_row) {
     const std::span<Element> block = elements.first(rays.size());
     const core::Status traced =
         Timed(&report->trace_ms, [&] { return trace(core::RayBatch(rays), block); });
@@ -266,8 +283,7 @@ api::Check AnswerAll(const RayQuery& query, std::uint64_t most_hits,
   const auto max_hits = static_cast<std::size_t>(query.options.max_hits);
   const std::size_t block_rows = std::clamp(kBlockHits / max_hits, std::size_t{1}, kBlockRays);
   std::size_t hits_before = 0;
-  return ForEachBlock(query, block_rows, report, [&](auto rays, std::size_t first_row) {
-    sink->HaveRead(first_row + rays.size());
+  return ForEachBlock(query, block_rows, sink, report, [&](auto rays, std::size_t first_row) {
     const core::RayBatch batch(rays);
     const core::Result<core::AllHits> all = Timed(&report->trace_ms, [&] {
       return core::TraceAll(query.scene, batch, query.trace, max_hits,

@@ -15,17 +15,6 @@ using api::Problem;
 // that does not fit waits this long for it.
 constexpr std::chrono::milliseconds kSettleTime(20);
 
-// `text_mutex` is taken after the budget's mutex or alone.
-struct RequestMemory::Body::Held {
-  // Guarded by the budget's mutex.
-  std::uint64_t charged = 0;
-  Bodies::iterator place;
-
-  std::mutex text_mutex;
-  GrowingBytes text;
-  bool refused = false;  // written with both mutexes held
-};
-
 api::Outcome<RequestMemory::Share> RequestMemory::Take(std::uint64_t bytes, api::ErrorCode never) {
   if (auto problem = Charge(bytes, bytes, never)) return *std::move(problem);
   return Share(this, bytes);
@@ -51,7 +40,7 @@ api::Check RequestMemory::Charge(std::uint64_t bytes, std::uint64_t total, api::
     if (std::exchange(has_waited, true)) return FullLocked(bytes);
     returned_.wait_for(lock, kSettleTime, fits);
   }
-  used_ += bytes;
+  UseLocked(bytes);
   return std::nullopt;
 }
 
@@ -117,8 +106,15 @@ void RequestMemory::Return(std::uint64_t bytes) {
   ReturnLocked(bytes);
 }
 
+// The pool may keep what requests do not use. Beyond the own bytes nothing is borrowed for it.
+void RequestMemory::UseLocked(std::uint64_t bytes) {
+  used_ += bytes;
+  pool_.KeepAtMost(own_ - std::min(own_, used_));
+}
+
 void RequestMemory::ReturnLocked(std::uint64_t bytes) {
   used_ -= bytes;
+  pool_.KeepAtMost(own_ - std::min(own_, used_));
   borrowed_.Shrink(BorrowedAt(used_));
   returned_.notify_all();
 }
@@ -156,12 +152,12 @@ bool RequestMemory::Grow(Body::Held* body, std::uint64_t bytes) {
       bodies_.pop_back();
       ReturnLocked(std::exchange(newest->charged, 0));
       // Their bytes are freed here: a thread that waits for its client could not do so in time.
-      const std::lock_guard text_lock(newest->text_mutex);
+      const std::lock_guard parts_lock(newest->parts_mutex);
       newest->refused = true;
-      newest->text = GrowingBytes();
+      newest->parts = {};
     }
   }
-  used_ += bytes;
+  UseLocked(bytes);
   body->charged += bytes;
   return true;
 }
@@ -185,15 +181,35 @@ api::Check RequestMemory::Body::Append(std::span<const std::byte> piece) {
   if (received_ > memory_->MostBodyBytes()) {
     return memory_->NeverFits(received_, memory_->MostBodyBytes(), api::ErrorCode::kBodyTooLarge);
   }
-  if (memory_->Grow(held_.get(), bytes)) {
-    const std::lock_guard text_lock(held_->text_mutex);
-    if (!held_->refused) {
-      held_->text.Append(piece);
-      return std::nullopt;
-    }
-  }
+  if (!memory_->Grow(held_.get(), bytes)) return Full(bytes);
+  return Use([piece](Parts* parts) { parts->text.Append(piece); }, bytes);
+}
+
+api::Problem RequestMemory::Body::Full(std::uint64_t bytes) const {
   const std::lock_guard lock(memory_->mutex_);
   return memory_->FullLocked(bytes);
+}
+
+api::Outcome<GrowingBytes> RequestMemory::Body::TakeText() {
+  GrowingBytes text;
+  if (auto problem = Use([&text](Parts* parts) { text = std::move(parts->text); })) {
+    return *std::move(problem);
+  }
+  return text;
+}
+
+void RequestMemory::Body::ReturnText(std::uint64_t bytes) {
+  const std::lock_guard lock(memory_->mutex_);
+  if (held_->refused) return;  // its whole charge is returned
+  held_->charged -= bytes;
+  memory_->ReturnLocked(bytes);
+}
+
+api::Check RequestMemory::Body::AddBlock() {
+  const std::uint64_t bytes = memory_->pool_.block_bytes();
+  if (!memory_->Grow(held_.get(), bytes)) return Full(bytes);
+  api::ByteBlock block(&memory_->pool_);
+  return Use([&block](Parts* parts) { parts->blocks.push_back(std::move(block)); }, bytes);
 }
 
 api::Outcome<RequestMemory::Body::Whole> RequestMemory::Body::Finish() {
@@ -201,7 +217,8 @@ api::Outcome<RequestMemory::Body::Whole> RequestMemory::Body::Finish() {
   if (held_->refused) return memory_->FullLocked(0);
   memory_->bodies_.erase(held_->place);
   held_->place = memory_->bodies_.end();
-  return Whole{std::move(held_->text), Share(memory_, std::exchange(held_->charged, 0))};
+  return Whole{std::move(held_->parts.text), Share(memory_, std::exchange(held_->charged, 0)),
+               std::move(held_->parts.blocks)};
 }
 
 }  // namespace kdray::server

@@ -3,17 +3,23 @@
 // they are sent. It is a part of --memory-limit. Beyond it, requests fail within milliseconds.
 #pragma once
 
+#include <algorithm>
+#include <chrono>
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
 #include <list>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <utility>
+#include <vector>
 
+#include "api/byte_block.h"
 #include "api/types.h"
 #include "core/library/memory_budget.h"
+#include "server/block_pool.h"
 #include "server/growing_bytes.h"
 
 namespace kdray::server {
@@ -34,12 +40,19 @@ namespace kdray::server {
 /// it, the newest first, if they hold enough; otherwise it fails itself. A dropped body frees its
 /// bytes at once, and its request fails at its next piece.
 ///
+/// Large blocks come from a pool (block_pool.h), which keeps some that nobody uses. Their memory is
+/// in no share: it is given back to the system as soon as requests need as much.
+///
 /// Safe from many threads at once.
 class RequestMemory {
  public:
   /// `lender`, which must outlive this object, is the budget of trees; null: nothing is borrowed.
-  explicit RequestMemory(std::uint64_t own_bytes, core::MemoryBudget* lender = nullptr)
-      : own_(own_bytes), lender_(lender) {}
+  /// `idle_time` is that of the pool.
+  explicit RequestMemory(std::uint64_t own_bytes, core::MemoryBudget* lender = nullptr,
+                         std::chrono::milliseconds idle_time = BlockPool::kIdleTime)
+      : own_(own_bytes),
+        lender_(lender),
+        pool_(std::min(own_bytes / 8, kMostKeptBytes), idle_time) {}
 
   /// A part of the budget, returned when destroyed.
   class Share {
@@ -88,9 +101,30 @@ class RequestMemory {
     /// memory_full if this body was dropped, which it then stays; body_too_large.
     api::Check Append(std::span<const std::byte> piece);
 
+    // A body may be decoded while it arrives: into blocks, in place of its text.
+
+    /// look(text so far), unless this body was dropped: then memory_full.
+    template <class Look>
+    api::Check LookAtText(const Look& look) {
+      return Use([&](const Parts* parts) { look(parts->text.view()); });
+    }
+    /// Takes away the text, which stays charged until ReturnText(). memory_full if this body was
+    /// dropped.
+    api::Outcome<GrowingBytes> TakeText();
+    /// The text that was taken is freed.
+    void ReturnText(std::uint64_t bytes);
+    /// Adds an empty block. memory_full if this body was dropped or there is no room for a block.
+    api::Check AddBlock();
+    /// write(block) with the last block, unless this body was dropped: then memory_full.
+    template <class Write>
+    api::Check WriteToBlock(const Write& write) {
+      return Use([&](Parts* parts) { write(&parts->blocks.back()); });
+    }
+
     struct Whole {
       GrowingBytes text;
-      Share share;  ///< of the text's bytes
+      Share share;  ///< of the bytes of text and blocks
+      std::vector<api::ByteBlock> blocks;
     };
     /// The body is complete and cannot be dropped any more. memory_full if it was dropped before.
     /// Call once.
@@ -98,23 +132,58 @@ class RequestMemory {
 
    private:
     friend class RequestMemory;
-    struct Held;
+    struct Parts {
+      GrowingBytes text;
+      std::vector<api::ByteBlock> blocks;
+    };
+    // `parts_mutex` is taken after the budget's mutex or alone.
+    struct Held {
+      // Guarded by the budget's mutex.
+      std::uint64_t charged = 0;
+      std::list<std::shared_ptr<Held>>::iterator place;
+
+      std::mutex parts_mutex;
+      Parts parts;
+      bool refused = false;  // written with both mutexes held
+    };
+
+    /// use(parts), unless this body was dropped: then memory_full for `bytes` more.
+    template <class F>
+    api::Check Use(const F& use, std::uint64_t bytes = 0) {
+      {
+        const std::lock_guard parts_lock(held_->parts_mutex);
+        if (!held_->refused) {
+          use(&held_->parts);
+          return std::nullopt;
+        }
+      }
+      return Full(bytes);
+    }
+    api::Problem Full(std::uint64_t bytes) const;
 
     RequestMemory* memory_;
     std::uint64_t received_ = 0;
     std::shared_ptr<Held> held_;
   };
 
+  /// The source of large blocks. Whoever takes one charges its bytes first.
+  api::BlockSource* blocks() { return &pool_; }
+  /// The largest body that can ever be held.
+  std::uint64_t MostBodyBytes() const { return own_ - own_ / 4; }
+
   /// Held by requests now.
   std::uint64_t used() const;
   /// The part of it that is borrowed.
   std::uint64_t borrowed() const;
+  /// Blocks that nobody uses, which are not in used().
+  std::uint64_t kept() const { return pool_.kept_bytes(); }
 
  private:
   using Bodies = std::list<std::shared_ptr<Body::Held>>;
+  /// Of blocks that nobody uses: what a batch of some million rays takes.
+  static constexpr std::uint64_t kMostKeptBytes = std::uint64_t{64} << 20;
 
   std::uint64_t MostBytes() const { return lender_ == nullptr ? own_ : 2 * own_; }
-  std::uint64_t MostBodyBytes() const { return own_ - own_ / 4; }
   bool IsSmall(std::uint64_t bytes) const { return bytes <= own_ / 64; }
 
   api::Check Charge(std::uint64_t bytes, std::uint64_t total, api::ErrorCode never);
@@ -126,6 +195,7 @@ class RequestMemory {
   // `returned`: bytes of other bodies that would be dropped first.
   bool FitsBodyLocked(std::uint64_t bytes, std::uint64_t total, std::uint64_t returned = 0) const;
   std::uint64_t BorrowedAt(std::uint64_t used) const;
+  void UseLocked(std::uint64_t bytes);
   void ReturnLocked(std::uint64_t bytes);
   api::Problem FullLocked(std::uint64_t bytes) const;
 
@@ -135,7 +205,8 @@ class RequestMemory {
   mutable std::condition_variable returned_;  // memory came back
   std::uint64_t used_ = 0;
   core::MemoryCharge borrowed_;
-  Bodies bodies_;  // bodies that may be dropped, oldest first
+  BlockPool pool_;  // before the bodies, which have blocks of it
+  Bodies bodies_;   // bodies that may be dropped, oldest first
 };
 
 }  // namespace kdray::server

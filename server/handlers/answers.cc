@@ -36,24 +36,35 @@ std::string_view Trim(std::string_view text) {
 
 }  // namespace
 
-api::Outcome<RequestBody> ReadWholeBody(const HandlerContext& context, const RoutedRequest& routed,
-                                        std::uint64_t max_bytes, const WorkOfBody& work) {
-  HttpPeer& peer = *routed.http.peer;
-  const std::optional<std::uint64_t> declared = peer.body_size();
+api::Check CheckBody(const HandlerContext& context, const RoutedRequest& routed,
+                     std::uint64_t max_bytes, const WorkOfBody& work) {
+  const std::optional<std::uint64_t> declared = routed.http.peer->body_size();
   if (declared && *declared > max_bytes) return BodyTooLarge(max_bytes, declared);
   if (declared && work) {
-    if (auto problem = context.admission.Check(LaneOf(work(*declared)))) return *std::move(problem);
+    if (auto problem = context.admission.Check(LaneOf(work(*declared)))) return problem;
   }
-  if (auto problem = context.memory.CheckBody(declared.value_or(0))) return *std::move(problem);
+  return context.memory.CheckBody(declared.value_or(0));
+}
+
+api::Outcome<std::size_t> ReadPiece(HttpPeer& peer, std::uint64_t max_bytes, std::uint64_t taken,
+                                    std::span<std::byte> piece) {
+  auto count = peer.ReadBody(piece);
+  if (count && taken + *count > max_bytes) return BodyTooLarge(max_bytes, peer.body_size());
+  return count;
+}
+
+api::Outcome<RequestBody> ReadWholeBody(const HandlerContext& context, const RoutedRequest& routed,
+                                        std::uint64_t max_bytes, const WorkOfBody& work) {
+  if (auto problem = CheckBody(context, routed, max_bytes, work)) return *std::move(problem);
+  HttpPeer& peer = *routed.http.peer;
   RequestMemory::Body body(&context.memory);
   std::vector<std::byte> piece(
-      std::min<std::uint64_t>(declared.value_or(max_bytes), kBodyPieceBytes));
+      std::min<std::uint64_t>(peer.body_size().value_or(max_bytes), kBodyPieceBytes));
   for (std::uint64_t taken = 0;;) {
-    const auto count = peer.ReadBody(piece);
+    const auto count = ReadPiece(peer, max_bytes, taken, piece);
     if (!count) return count.problem();
     if (*count == 0) return body.Finish();
     taken += *count;
-    if (taken > max_bytes) return BodyTooLarge(max_bytes, declared);
     if (auto problem = body.Append(std::span(piece).first(*count))) return *std::move(problem);
   }
 }

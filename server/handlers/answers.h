@@ -2,7 +2,9 @@
 // Shared by handlers: reading bodies, and the headers for caching.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -20,6 +22,16 @@ using RequestBody = RequestMemory::Body::Whole;
 /// body fails at its first byte beyond `max_bytes`. Without `work`, no queue is looked at.
 api::Outcome<RequestBody> ReadWholeBody(const HandlerContext& context, const RoutedRequest& routed,
                                         std::uint64_t max_bytes, const WorkOfBody& work);
+
+// The two halves of ReadWholeBody(), for a body that is decoded while it arrives.
+
+/// body_too_large, memory_full or overloaded, before a byte is read.
+api::Check CheckBody(const HandlerContext& context, const RoutedRequest& routed,
+                     std::uint64_t max_bytes, const WorkOfBody& work);
+/// Reads at most `piece` of a body of which `taken` bytes have been read. Returns the number of
+/// bytes, 0 at its end; body_too_large beyond `max_bytes`.
+api::Outcome<std::size_t> ReadPiece(HttpPeer& peer, std::uint64_t max_bytes, std::uint64_t taken,
+                                    std::span<std::byte> piece);
 
 /// For requests without a body whose method allows one: malformed_request if there is a body.
 api::Check RefuseBody(const RoutedRequest& routed);

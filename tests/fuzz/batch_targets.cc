@@ -84,6 +84,11 @@ bool FuzzNpy(std::span<const std::byte> input) {
       rays->Read(i, numbers);
     }
   }
+  const auto arriving = api::RecogniseRays(body, body.size(), {}, SmallLimits());
+  if (arriving && body.size() <= SmallLimits().MaxBatchBytes()) {
+    Require(rays.ok(), "what may be decoded while it arrives is an array of rays");
+    Require(arriving->rows == rays->size() && arriving->Shape() == rays->shape(), "the same one");
+  }
   const bool points = CheckProblem(api::DecodePoints(body, api::BatchType::kNpy, SmallLimits()));
   api::VisibilityOptions options;
   options.from_count = 1;

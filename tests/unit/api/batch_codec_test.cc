@@ -259,6 +259,68 @@ TEST(ClosestAnswers, AreTheSameBytesHoweverTheyArrive) {
   }
 }
 
+/// Counts its blocks.
+class CountingSource final : public BlockSource {
+ public:
+  explicit CountingSource(std::size_t block_bytes) : block_bytes_(block_bytes) {}
+  std::size_t block_bytes() const override { return block_bytes_; }
+  char* Take() override {
+    ++taken;
+    return new char[block_bytes_];
+  }
+  void GiveBack(char* block) noexcept override {
+    --taken;
+    delete[] block;
+  }
+  int taken = 0;
+
+ private:
+  const std::size_t block_bytes_;
+};
+
+TEST(Answers, OfLargeArraysLieInBlocksOfTheSourceAndAreTheSameBytes) {
+  ClosestAnswer answer;
+  for (int i = 0; i < 10'000; ++i) answer.hits.push_back({i * 0.1, 0.25, 0.5, i});
+  const RayTable rays = RaysOfShape({10'000}, NumberType::kF4);
+  const std::string whole = EncodeClosest(answer, rays, {}, BatchType::kNpy);  // 16 bytes a row
+  // Rows of an answer at a time, bytes of the source's blocks, and how many blocks are taken.
+  struct Case {
+    std::size_t rows, block_bytes;
+    int blocks;
+  };
+  for (const auto& [rows, block_bytes, blocks] :
+       {Case{1000, 64'000, 3}, Case{1000, 40'000, 5}, Case{1000, 16'000, 10}, Case{1000, 15'999, 0},
+        Case{1000, 320'002, 0}, Case{1000, 320'000, 1}, Case{777, 100'000, 2},
+        Case{10'000, 160'000, 1}}) {
+    CountingSource source(block_bytes);
+    std::uint64_t charged = 0;
+    const auto charge = [&charged](std::uint64_t bytes) -> Check {
+      charged += bytes;
+      return std::nullopt;
+    };
+    {
+      const auto writer = WriterOfClosest(rays, {}, BatchType::kNpy, charge, &source);
+      for (std::size_t first = 0; first < 10'000; first += rows) {
+        const std::size_t count = std::min(rows, 10'000 - first);
+        ASSERT_FALSE(writer->Begin(count));
+        writer->Put({.first_row = first,
+                     .hits = {.hits = Part(answer.hits, first, count),
+                              .normals = {},
+                              .points = {},
+                              .sides = {}}});
+      }
+      Outcome<std::vector<ByteBlock>> pieces = std::move(*writer).Finish({});
+      ASSERT_TRUE(pieces);
+      EXPECT_EQ(source.taken, blocks) << rows << " " << block_bytes;
+      std::uint64_t held = 0;
+      for (std::size_t i = 1; i < pieces->size(); ++i) held += (*pieces)[i].capacity();
+      EXPECT_EQ(charged, held);
+      EXPECT_EQ(Join(std::move(pieces)), whole);
+    }
+    EXPECT_EQ(source.taken, 0);
+  }
+}
+
 TEST(Answers, EndWithTheProblemOfTheirMemory) {
   for (const BatchType type : {BatchType::kJson, BatchType::kNpy}) {
     std::uint64_t left = 100'000;

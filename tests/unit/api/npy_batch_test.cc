@@ -2,10 +2,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <optional>
+#include <string>
+#include <vector>
 
+#include "api/batch_codec.h"
 #include "api/ray_table.h"
 #include "tests/support/ray_rows.h"
 #include "tests/unit/api/npy_bytes.h"
@@ -153,6 +158,125 @@ TEST(RaysFromNpy, TakesAsManyRowsAsTheLimitAndNoMore) {
   EXPECT_EQ(more.problem().code, ErrorCode::kTooManyRays);
   EXPECT_EQ(more.problem().limit, 3);
   EXPECT_EQ(more.problem().actual, 4);
+}
+
+// ---- Arrays that are decoded while they arrive ----
+
+std::string RayHeader(const std::string& rest) { return "{" + rest + "}"; }
+
+TEST(ArrivingRays, AreRecognisedByTheirHeader) {
+  const std::string header =
+      RayHeader("'descr': '<f4', 'fortran_order': False, 'shape': (2, 3, 6), ");
+  const std::string start = NpyFile(header, "the first bytes");
+  const std::uint64_t bytes = NpyFile(header, "").size() + 2 * 3 * 6 * 4;
+  for (const std::optional<std::uint64_t> declared :
+       {std::optional(bytes), std::optional<std::uint64_t>()}) {
+    const auto rays = RecogniseRays(start, declared, {}, {});
+    ASSERT_TRUE(rays);
+    EXPECT_EQ(rays->rows, 6U);
+    EXPECT_THAT(rays->Shape(), ElementsAre(2, 3));
+    EXPECT_EQ(rays->form.RowBytes(), 24U);
+    EXPECT_EQ(rays->form.RayBytes(), 32U);
+    EXPECT_EQ(rays->start.header_bytes + rays->start.data_bytes, bytes);
+  }
+  EXPECT_FALSE(RecogniseRays(start, bytes + 1, {}, {}));
+  EXPECT_FALSE(RecogniseRays(start, bytes - 1, {}, {}));
+  EXPECT_FALSE(RecogniseRays(start, 0, {}, {}));
+  Limits few;
+  few.max_rays = 5;
+  EXPECT_FALSE(RecogniseRays(start, bytes, {}, few));
+  RayOptions precise;
+  precise.t_min = 0.1;
+  EXPECT_FALSE(RecogniseRays(start, bytes, precise, {})) << "a float cannot hold it";
+  precise.t_min = 0.5;
+  EXPECT_TRUE(RecogniseRays(start, bytes, precise, {}));
+}
+
+TEST(ArrivingRays, AreNoOtherArraysAndNoDamagedOnes) {
+  const auto recognised = [](const std::string& header) {
+    return RecogniseRays(NpyFile(header, ""), std::nullopt, {}, {}).has_value();
+  };
+  const auto header = [](const std::string& descr, const std::string& order,
+                         const std::string& shape) {
+    return RayHeader("'descr': " + descr + ", 'fortran_order': " + order + ", 'shape': " + shape);
+  };
+  EXPECT_TRUE(recognised(header("'<f4'", "False", "(9, 6)")));
+  EXPECT_TRUE(recognised(header("'<f8'", "False", "(9, 8)")));
+  EXPECT_TRUE(recognised(header("'<f8'", "False", "(0, 8)")));
+  for (const std::string& other :
+       {header("'<f4'", "True", "(9, 6)"), header("'<f4'", "False", "(9, 7)"),
+        header("'<f4'", "False", "()"), header("'<i4'", "False", "(9, 6)"),
+        header("'>f4'", "False", "(9, 6)"), header("[('t', '<f4')]", "False", "(9, 6)"),
+        header("'<f4'", "False", "(4294967296, 4294967296, 6)"),
+        header("'<f4'", "False", "(0, 4294967296, 4294967296, 6)"),
+        header("'<f4'", "False", "(1000000000, 6)"), header("'<f4'", "False", "(9, 6"),
+        RayHeader(""), std::string()}) {
+    EXPECT_FALSE(recognised(other)) << other;
+  }
+  const std::string whole = NpyFile(header("'<f4'", "False", "(9, 6)"), "");
+  for (std::size_t bytes = 0; bytes < whole.size(); ++bytes) {
+    EXPECT_FALSE(RecogniseRays(whole.substr(0, bytes), std::nullopt, {}, {})) << bytes;
+  }
+}
+
+/// Rays i with the numbers 8 i to 8 i + 7, `rows_in_block` in a block.
+template <class T>
+RayTable TableOfBlocks(std::size_t rows, std::size_t rows_in_block) {
+  RayBlocks blocks{.sent = sizeof(T) == 4 ? NumberType::kF4 : NumberType::kF8,
+                   .rows = rows,
+                   .rows_in_block = rows_in_block,
+                   .blocks = {},
+                   .invalid = {}};
+  const std::vector<T> numbers = Counted<T>(rows * kRayNumbers);
+  for (std::size_t first = 0; first < rows; first += rows_in_block) {
+    const std::string part =
+        Bytes(numbers).substr(first * kRayNumbers * sizeof(T),
+                              std::min(rows_in_block, rows - first) * kRayNumbers * sizeof(T));
+    ByteBlock block = ByteBlock::WithRoom(rows_in_block * kRayNumbers * sizeof(T));
+    block.Extend(part.size());
+    std::copy(part.begin(), part.end(), block.data());
+    blocks.blocks.push_back(std::move(block));
+  }
+  return {{rows}, std::move(blocks)};
+}
+
+template <class T>
+void ExpectReadable(std::size_t rows, std::size_t rows_in_block) {
+  const RayTable table = TableOfBlocks<T>(rows, rows_in_block);
+  EXPECT_EQ(table.size(), rows);
+  for (std::size_t first = 0; first <= rows; ++first) {
+    std::vector<T> numbers((rows - first) * kRayNumbers);
+    table.Read(first, numbers);
+    for (std::size_t i = 0; i < numbers.size(); ++i) {
+      EXPECT_EQ(numbers[i], static_cast<T>(first * kRayNumbers + i));
+    }
+    if (first == rows) break;
+    const std::span<const char> in_block = table.InBlock(first);
+    const std::size_t left = std::min(rows_in_block - first % rows_in_block, rows - first);
+    ASSERT_EQ(in_block.size(), left * kRayNumbers * sizeof(T));
+    EXPECT_EQ(std::memcmp(in_block.data(), numbers.data(), in_block.size()), 0);
+  }
+}
+
+TEST(RaysInBlocks, AreReadAcrossTheirBlocks) {
+  ExpectReadable<float>(7, 3);
+  ExpectReadable<double>(6, 3);
+  ExpectReadable<double>(2, 5);
+}
+
+TEST(RaysInBlocks, AreFreedBlockByBlockWhenTheyHaveBeenRead) {
+  RayTable table = TableOfBlocks<float>(8, 3);
+  EXPECT_TRUE(table.MemoryOf(8).empty());
+  const std::size_t block = 3 * kRayNumbers * sizeof(float);
+  EXPECT_EQ(table.FreeBlocks(2), 0U);
+  EXPECT_EQ(table.FreeBlocks(3), block);
+  EXPECT_EQ(table.FreeBlocks(5), 0U);
+  std::vector<float> numbers(5 * kRayNumbers);
+  table.Read(3, numbers);
+  EXPECT_EQ(numbers[0], 24);
+  EXPECT_EQ(table.FreeBlocks(8), 2 * block) << "the last one is not full";
+  EXPECT_EQ(table.FreeBlocks(8), 0U);
+  EXPECT_EQ(table.size(), 8U);
 }
 
 }  // namespace

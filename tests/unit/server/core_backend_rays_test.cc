@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "core/trace/brute_force.h"
@@ -56,6 +58,53 @@ TEST_F(CoreBackendTest, ClosestHitsAreThoseOfBruteForceForFloatAndDoubleRows) {
     EXPECT_EQ(answer->report.invalid, invalid);
     EXPECT_GT(answer->report.trace_ms, 0);
   }
+}
+
+/// The rays of a table in blocks, as they arrive.
+template <class T>
+api::RayTable InBlocks(const api::RayTable& table, std::size_t rows_in_block,
+                       std::vector<std::uint64_t> invalid) {
+  api::RayBlocks blocks{.sent = table.row_type(),
+                        .rows = table.size(),
+                        .rows_in_block = rows_in_block,
+                        .blocks = {},
+                        .invalid = std::move(invalid)};
+  for (std::size_t first = 0; first < table.size(); first += rows_in_block) {
+    std::vector<T> numbers(std::min(rows_in_block, table.size() - first) * api::kRayNumbers);
+    table.Read(first, numbers);
+    blocks.blocks.emplace_back(numbers.size() * sizeof(T));
+    std::memcpy(blocks.blocks.back().data(), numbers.data(), blocks.blocks.back().size());
+  }
+  return {{table.size()}, std::move(blocks)};
+}
+
+TEST_F(CoreBackendTest, RaysInBlocksAreTracedWhereTheyLieWithTheSameAnswers) {
+  const std::string id = Add(Sphere());
+  const test::RayRows<float> narrow = SomeRays<float>(140'000);
+  const test::RayRows<double> wide = SomeRays<double>(5000);
+  const auto compare = [&](const api::RayTable& table, auto number, std::size_t rows_in_block) {
+    const auto want = Closest(id, table, {}, Soon());
+    const auto want_all = All(id, table, {}, Soon());
+    ASSERT_TRUE(want.ok() && want_all.ok());
+    const api::RayTable blocks =
+        InBlocks<decltype(number)>(table, rows_in_block, want->report.invalid);
+    const auto closest = Closest(id, blocks, {}, Soon());
+    const auto any = Any(id, blocks, {}, Soon());
+    const auto all = All(id, blocks, {}, Soon());
+    ASSERT_TRUE(closest.ok() && any.ok() && all.ok());
+    for (std::size_t i = 0; i < table.size(); ++i) {
+      ExpectSame(closest->rows->hits[i], want->rows->hits[i]);
+      EXPECT_EQ(any->rows->occluded[i] != 0, want->rows->hits[i].triangle >= 0);
+    }
+    EXPECT_EQ(all->rows->counts, want_all->rows->counts);
+    EXPECT_EQ(all->report.truncated, want_all->report.truncated);
+    for (const api::BatchReport* report : {&closest->report, &any->report, &all->report}) {
+      EXPECT_EQ(report->invalid, want->report.invalid);
+    }
+  };
+  compare(narrow.table(), float{}, 131'072);
+  compare(wide.table(), double{}, 512);
+  compare(wide.table(), double{}, 5000);
 }
 
 TEST_F(CoreBackendTest, ABatchLongerThanABlockIsAnsweredLikeItsParts) {

@@ -4,11 +4,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -255,6 +257,85 @@ TEST(RequestMemory, ADeclaredLengthTakesNothing) {
   ASSERT_TRUE(full);
   EXPECT_EQ(full->code, ErrorCode::kMemoryFull);
   EXPECT_EQ(memory.used(), 2000U);
+}
+
+constexpr std::uint64_t kBlock = BlockPool::kBlockBytes;
+
+TEST(RequestMemory, ABodyMayBecomeBlocksInPlaceOfItsText) {
+  RequestMemory memory(64 * kBlock);
+  {
+    std::optional<Body::Whole> whole;
+    {
+      Body body(&memory);
+      EXPECT_TRUE(Append(body, 1000, 'a'));
+      {
+        const auto text = body.TakeText();
+        ASSERT_TRUE(text.ok());
+        EXPECT_EQ(text->view(), std::string(1000, 'a'));
+        EXPECT_EQ(memory.used(), 1000U);
+        for (int i = 0; i < 2; ++i) ASSERT_FALSE(body.AddBlock());
+        EXPECT_EQ(memory.used(), 1000 + 2 * kBlock) << "a block is charged whole";
+        body.ReturnText(text->size());
+      }
+      EXPECT_FALSE(body.WriteToBlock([](api::ByteBlock* block) {
+        block->Extend(3);
+        std::copy_n("xyz", 3, block->data());
+      }));
+      auto finished = body.Finish();
+      ASSERT_TRUE(finished.ok());
+      whole.emplace(*std::move(finished));
+    }
+    EXPECT_EQ(whole->text.size(), 0U);
+    ASSERT_EQ(whole->blocks.size(), 2U);
+    EXPECT_EQ(whole->blocks[0].view(), "");
+    EXPECT_EQ(whole->blocks[1].view(), "xyz");
+    EXPECT_EQ(whole->share.bytes(), 2 * kBlock);
+    EXPECT_EQ(memory.used(), 2 * kBlock);
+  }
+  EXPECT_EQ(memory.used(), 0U);
+}
+
+TEST(RequestMemory, ADroppedBodyGivesItsBlocksBackAtOnce) {
+  RequestMemory memory(16 * kBlock);
+  Body older(&memory);
+  Body newest(&memory);
+  for (int i = 0; i < 6; ++i) ASSERT_FALSE(newest.AddBlock());
+  for (int i = 0; i < 12; ++i) EXPECT_FALSE(older.AddBlock()) << i;
+  EXPECT_EQ(memory.used(), 12 * kBlock);
+  const auto refused = newest.AddBlock();
+  ASSERT_TRUE(refused);
+  EXPECT_EQ(refused->code, ErrorCode::kMemoryFull);
+  EXPECT_TRUE(newest.WriteToBlock([](api::ByteBlock*) { FAIL() << "it has no block any more"; }));
+  EXPECT_TRUE(newest.LookAtText([](std::string_view) { FAIL(); }));
+  EXPECT_FALSE(newest.TakeText().ok());
+  newest.ReturnText(5);
+  EXPECT_EQ(memory.used(), 12 * kBlock);
+  EXPECT_TRUE(older.Finish().ok());
+}
+
+TEST(RequestMemory, BlocksThatNobodyUsesGiveWayToRequests) {
+  RequestMemory memory(16 * kBlock, nullptr, std::chrono::hours(1));
+  {
+    Body body(&memory);
+    for (int i = 0; i < 6; ++i) ASSERT_FALSE(body.AddBlock());
+  }
+  EXPECT_EQ(memory.used(), 0U);
+  EXPECT_EQ(memory.kept(), 2 * kBlock) << "an eighth";
+  {
+    const auto half = TakeIfFree(memory, 13 * kBlock);
+    EXPECT_EQ(memory.kept(), 2 * kBlock);
+    const auto small = TakeIfFree(memory, kBlock / 4);
+    const auto another = TakeIfFree(memory, kBlock / 4);
+    EXPECT_EQ(memory.kept(), 2 * kBlock);
+    std::vector<Share> rest;
+    for (int i = 0; i < 3; ++i) {
+      auto share = TakeIfFree(memory, kBlock / 4);
+      ASSERT_TRUE(share);
+      rest.push_back(*std::move(share));
+      EXPECT_LE(memory.used() + memory.kept(), 16 * kBlock);
+    }
+    EXPECT_EQ(memory.kept(), kBlock);
+  }
 }
 
 TEST(RequestMemory, ManyBodiesAtOnceLeaveNothingBehind) {
