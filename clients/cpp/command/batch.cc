@@ -199,7 +199,7 @@ Rows ReadRows(const Payload& bytes, const RowForm& form) {
 }
 
 std::string RowsText(const Rows& rows, const char* noun) {
-  return rows.header ? CountedText(rows.count, noun) : noun;
+  return rows.header ? CountedText(rows.count, noun) : "";
 }
 
 AnswerFacts RunBatch(Client& client, const std::string& id, const BatchQuery& query,

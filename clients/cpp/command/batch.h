@@ -43,7 +43,7 @@ Rows ReadRows(const Payload& bytes, const RowForm& form);
 /// Whether RunBatch sends these in parts; otherwise they travel as they are.
 bool IsSplit(const Rows& rows);
 
-/// "100,000 rays"; "rays" of JSON.
+/// "100,000 rays"; empty for JSON, whose rows the command does not count.
 std::string RowsText(const Rows& rows, const char* noun);
 
 struct BatchQuery {

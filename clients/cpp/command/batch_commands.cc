@@ -93,9 +93,9 @@ void Report(const Options& options, Session& session, const std::string& id, con
                                                            {"tree", Document(id)}};
   if (rows.header) members.emplace_back(noun, Document(rows.count));
   for (auto& member : facts.Members()) members.push_back(std::move(member));
-  const std::string text = facts.Text();
-  session.Report(members,
-                 options.output + ": " + RowsText(rows, noun) + (text.empty() ? "" : ", " + text));
+  const std::string count = RowsText(rows, noun), text = facts.Text();
+  const char* const separator = count.empty() || text.empty() ? "" : ", ";
+  session.Report(members, options.output + ": " + count + separator + text);
 }
 
 void Run(const Options& options, Session& session, const RowForm& form, const char* label,

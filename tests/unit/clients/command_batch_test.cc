@@ -85,6 +85,7 @@ TEST_F(CommandTest, RaysAsksForAnyHitAndForJsonWhenTold) {
   const auto request = service_.Seen().back();
   EXPECT_EQ(request.target, "/v1/trees/" + kDigestA + "-auto/rays/any");
   EXPECT_EQ(request.headers.find("accept")->second, "application/json");
+  EXPECT_THAT(err_.str(), HasSubstr("hits.json: 3 invalid rows")) << "rows of JSON are not counted";
 }
 
 TEST_F(CommandTest, AWrongWordNamesItselfAndTheNearestRightOne) {
