@@ -3,6 +3,7 @@
 
 The image itself is built elsewhere; here the daemon runs with the image's environment.
 """
+import json
 import os
 import re
 import signal
@@ -36,6 +37,22 @@ class ImageTest(unittest.TestCase):
         self.assertEqual(labels["org.opencontainers.image.licenses"], "Apache-2.0")
         for name in ("title", "description"):
             self.assertTrue(labels["org.opencontainers.image." + name])
+
+    def test_its_stages_name_the_base_itself(self):
+        # The buildah of Debian 12 does not find a stage that an argument names.
+        bases = re.findall(r"^FROM (\S+)", DOCKERFILE, re.MULTILINE)
+        self.assertEqual(set(bases), {"${BASE:-debian:bookworm-slim}"})
+
+    def test_its_health_check_asks_the_daemon(self):
+        command = json.loads(re.search(r"^HEALTHCHECK .*? CMD +(\[.*\])$", DOCKERFILE, re.MULTILINE)[1])
+
+        def check(port):
+            return subprocess.run(command, env=dict(os.environ, KDRAY_PORT=port), stderr=subprocess.DEVNULL).returncode
+
+        with Daemon(KDRAYD) as daemon:
+            port = daemon.url.rpartition(":")[2]
+            self.assertEqual(check(port), 0)
+        self.assertNotEqual(check(port), 0)
 
     def test_docker_stop_is_soon_enough_during_a_long_render(self):
         environment = dict(re.findall(r"(KDRAY_\w+)=(\S+)", re.search(r"^ENV (.*)$", DOCKERFILE, re.MULTILINE)[1]))
