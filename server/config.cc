@@ -148,6 +148,15 @@ std::variant<Config, ConfigExit> ParseConfig(int argc, const char* const* argv) 
   options.AddText("--host", config.host, "address to listen on", "TEXT");
   options.AddInteger("--port", config.port, 0, 65535, "port; 0 chooses a free one");
   options.AddText("--data-dir", data_dir, "directory of meshes and trees", "DIR");
+  options.Add("--store",
+              "bucket that replicas share, s3://BUCKET or s3://BUCKET/PREFIX, with the settings of "
+              "AWS; --data-dir is its cache (default: none)",
+              "URL", [&config](const std::string& text) -> std::string {
+                auto url = ParseStoreUrl(text);
+                if (!url.ok()) return url.error().message;
+                config.store = *std::move(url);
+                return {};
+              });
   options.AddInteger("--threads", config.threads, 1, 1024,
                      "threads for queries, and as many for builds");
   options.AddSize("--memory-limit", config.memory_limit_bytes,

@@ -11,6 +11,7 @@
 #include <variant>
 
 #include "api/limits.h"
+#include "server/aws_settings.h"
 #include "server/cors.h"
 #include "server/log.h"
 
@@ -20,7 +21,8 @@ struct Config {
   std::string host = "127.0.0.1";
   int port = 8080;  ///< 0 picks a free one
   std::filesystem::path data_dir = "kdray-data";
-  int threads = 1;  ///< default: the number of hardware threads
+  std::optional<StoreUrl> store;  ///< that replicas share
+  int threads = 1;                ///< default: the number of hardware threads
   std::uint64_t memory_limit_bytes = std::uint64_t{4} << 30;
   std::optional<std::uint64_t> store_limit_bytes;
   api::Limits limits;

@@ -151,10 +151,11 @@ class LibraryBackend final : public Backend {
       }
     }
     // One more than requested shows whether there is a next page.
-    const std::vector<core::TreeInfo> trees = library_->List(digest, position, limit + 1);
-    const std::size_t count = std::min(limit, trees.size());
-    for (std::size_t i = 0; i < count; ++i) page.trees.push_back(ToApi(trees[i]));
-    if (trees.size() > limit && limit > 0) page.next = FormatCursor(trees[limit - 1]);
+    const auto trees = library_->ListAll(digest, position, limit + 1);
+    if (!trees.ok()) return ToProblem(trees.error());
+    const std::size_t count = std::min(limit, trees->size());
+    for (std::size_t i = 0; i < count; ++i) page.trees.push_back(ToApi((*trees)[i]));
+    if (trees->size() > limit && limit > 0) page.next = FormatCursor((*trees)[limit - 1]);
     return page;
   }
 
@@ -258,6 +259,7 @@ core::Result<std::unique_ptr<Backend>> MakeCoreBackend(CoreBackendOptions option
   library_options.build_threads = options.threads;
   library_options.memory_limit_bytes = options.memory_limit_bytes;
   library_options.store_limit_bytes = options.store_limit_bytes;
+  library_options.shared = std::move(options.shared);
   auto library = core::TreeLibrary::Open(library_options);
   if (!library.ok()) return std::move(library).error();
   return std::unique_ptr<Backend>(std::make_unique<LibraryBackend>(options, *std::move(library)));

@@ -24,9 +24,11 @@ cmake
 libcairo2-dev
 libcli11-dev
 libcpp-httplib-dev
+libcurl4-openssl-dev
 libdeflate-dev
 libgmp-dev
 libmeshoptimizer-dev
+libpugixml-dev
 libspdlog-dev
 libssl-dev
 libstb-dev
@@ -73,8 +75,8 @@ END
       ;;
     run)
       case $(release) in
-        12) echo libcpp-httplib0.11 libspdlog1.10 libssl3 ;;
-        *) echo libcpp-httplib0.18 libspdlog1.15 libssl3t64 ;;
+        12) echo libcpp-httplib0.11 libcurl4 libspdlog1.10 libssl3 ;;
+        *) echo libcpp-httplib0.18 libcurl4t64 libspdlog1.15 libssl3t64 ;;
       esac | tr ' ' '\n'
       cat <<'END'
 libcairo2
@@ -82,6 +84,7 @@ libdeflate0
 libgmp10
 libmeshoptimizer2d
 libprometheus-cpp-core1.0
+libpugixml1v5
 libtbb12
 libzstd1
 zlib1g

@@ -13,6 +13,7 @@
 #include <functional>
 #include <iostream>
 #include <iterator>
+#include <memory>
 #include <string>
 #include <utility>
 #include <variant>
@@ -23,6 +24,7 @@
 #include "server/descriptor_limit.h"
 #include "server/http/http_server.h"
 #include "server/log.h"
+#include "server/s3_store.h"
 #include "server/service.h"
 
 namespace kdray::server {
@@ -139,17 +141,41 @@ std::string Url(const std::string& host, int port) {
   return "http://" + (is_v6 ? "[" + host + "]" : host) + ":" + std::to_string(port);
 }
 
+core::Result<std::unique_ptr<core::ObjectStore>> OpenStore(const Config& config) {
+  if (!config.store) return std::unique_ptr<core::ObjectStore>();
+  return MakeS3Store(*config.store, [] { return ReadAwsSettings(ProcessEnvironment()); });
+}
+
+core::SharedTreesOptions SharedOptions(const Config& config, core::ObjectStore* store,
+                                       const Log& log) {
+  core::SharedTreesOptions shared;
+  if (store == nullptr) return shared;
+  shared.store = store;
+  shared.name = config.store->ToString();
+  shared.on_change = [&log](bool is_away, const std::string& why) {
+    if (is_away) {
+      log.Write(LogLevel::kWarning, "store_away", {{"message", why}});
+    } else {
+      log.Write(LogLevel::kInfo, "store_back", {});
+    }
+  };
+  return shared;
+}
+
 int Serve(const Config& config, const sigset_t& signals, const Log& log) {
   if (const auto sound = core::CheckFloatingPointEnvironment(); !sound) {
     return Fail(log, sound.error().message);
   }
   auto tokens = ReadTokens(config.token_file);
   if (!tokens) return Fail(log, tokens.error().message);
+  core::Result<std::unique_ptr<core::ObjectStore>> store = OpenStore(config);
+  if (!store) return Fail(log, store.error().message);
   auto backend = MakeCoreBackend({.data_dir = config.data_dir,
                                   .threads = config.threads,
                                   .memory_limit_bytes = config.BackendMemoryBytes(),
                                   .store_limit_bytes = config.store_limit_bytes,
-                                  .limits = config.limits});
+                                  .limits = config.limits,
+                                  .shared = SharedOptions(config, store->get(), log)});
   if (!backend) {
     return Fail(log, "data directory " + config.data_dir.string() + ": " + backend.error().message);
   }

@@ -10,6 +10,7 @@
 #include "api/limits.h"
 #include "api/names.h"
 #include "core/base/enumerators.h"
+#include "core/store/object_store.h"
 #include "server/http/time_text.h"
 #include "server/plan.h"
 
@@ -225,6 +226,10 @@ std::optional<T> ParseDecimal(std::string_view text) {
 }  // namespace
 
 api::Problem ToProblem(const core::Error& error, api::ErrorCode not_found) {
+  if (core::IsStoreAway(error)) {
+    // Repeated by clients and proxies, as other answers with 503.
+    return {.code = api::ErrorCode::kOverloaded, .detail = error.message};
+  }
   api::Problem problem;
   problem.code = CodeOf(error.code, not_found);
   problem.detail = error.message;

@@ -26,6 +26,8 @@ LIBRARIES = {
     "nlohmann-json": r"nlohmann/",
     "cpp-httplib": r"httplib",
     "cairo": r"cairo",
+    "libcurl": r"curl/",
+    "pugixml": r"pugixml",
     "CLI11": r"CLI/",
     "prometheus-cpp": r"prometheus/",
     "spdlog": r"spdlog/",

@@ -171,8 +171,8 @@ TEST(Config, EndsWithZeroForHelpAndVersion) {
   const ConfigExit help = Stopped({"--help"});
   EXPECT_EQ(help.code, 0);
   for (const char* option : {"--host", "--port", "--data-dir", "--threads", "--memory-limit",
-                             "--store-limit", "--max-upload", "--max-rays", "--max-pixels",
-                             "--max-connections", "--token-file", "KDRAY_"}) {
+                             "--store", "--store-limit", "--max-upload", "--max-rays",
+                             "--max-pixels", "--max-connections", "--token-file", "KDRAY_"}) {
     EXPECT_NE(help.output.find(option), std::string::npos) << option;
   }
   const ConfigExit version = Stopped({"--version"});
