@@ -11,8 +11,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <ctime>
-#include <limits>
 #include <optional>
 #include <string>
 #include <thread>
@@ -21,6 +19,7 @@
 #include "core/base/parallel.h"
 #include "core/scene/scene.h"
 #include "core/trace/trace.h"
+#include "tests/bench/embree_modes.h"
 #include "tests/bench/scenes.h"
 
 namespace kdray::bench {
@@ -40,173 +39,6 @@ struct Options {
   std::string rays;  // only the classes whose names contain it
   bool kernels = false;
   bool quick = false;
-};
-
-// With one thread, the time that it had the processor: what other programs take in between does not
-// count, for neither side. With more, the time on the wall.
-class Stopwatch {
- public:
-  explicit Stopwatch(int threads)
-      : clock_(threads == 1 ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC), start_(Now()) {}
-  double seconds() const { return Now() - start_; }
-
- private:
-  double Now() const {
-    timespec t;
-    clock_gettime(clock_, &t);
-    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-  }
-  clockid_t clock_;
-  double start_;
-};
-
-constexpr std::size_t kBlock = 4096;  // rays that a thread takes at a time, for both sides
-constexpr double kMiss = std::numeric_limits<double>::infinity();
-
-enum class Way { kSingle, kPacket, kStream };
-
-// One way to ask Embree. Rays are laid out beforehand as it likes them; every run starts from a
-// fresh copy.
-class EmbreeMode {
- public:
-  EmbreeMode(std::string name, const EmbreeScene& scene, Way way, bool coherent)
-      : name_(std::move(name)), scene_(scene.scene()), way_(way), coherent_(coherent) {}
-
-  const std::string& name() const { return name_; }
-
-  void Prepare(const BenchRays& batch) {
-    size_ = batch.rays.size();
-    any_ = batch.any;
-    streams_.resize(size_);
-    for (std::size_t i = 0; i < size_; ++i) {
-      const RayF& r = batch.rays[i];
-      RTCRayHit& q = streams_[i];
-      q.ray = {r.origin.x,
-               r.origin.y,
-               r.origin.z,
-               r.t_min,
-               r.direction.x,
-               r.direction.y,
-               r.direction.z,
-               0,
-               r.t_max,
-               0xffffffffu,
-               static_cast<unsigned>(i),
-               0};
-      q.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-      q.hit.primID = RTC_INVALID_GEOMETRY_ID;
-      q.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    }
-    if (way_ == Way::kPacket) {
-      packets_.assign((size_ + 15) / 16, RTCRayHit16{});
-      for (std::size_t i = 0; i < size_; ++i) {
-        RTCRayHit16& p = packets_[i / 16];
-        const std::size_t k = i % 16;
-        const RTCRay& r = streams_[i].ray;
-        p.ray.org_x[k] = r.org_x;
-        p.ray.org_y[k] = r.org_y;
-        p.ray.org_z[k] = r.org_z;
-        p.ray.tnear[k] = r.tnear;
-        p.ray.dir_x[k] = r.dir_x;
-        p.ray.dir_y[k] = r.dir_y;
-        p.ray.dir_z[k] = r.dir_z;
-        p.ray.tfar[k] = r.tfar;
-        p.ray.mask[k] = r.mask;
-        p.ray.id[k] = r.id;
-        p.hit.geomID[k] = RTC_INVALID_GEOMETRY_ID;
-        p.hit.primID[k] = RTC_INVALID_GEOMETRY_ID;
-        p.hit.instID[0][k] = RTC_INVALID_GEOMETRY_ID;
-      }
-    }
-  }
-
-  // Seconds for the whole batch.
-  double Run(int threads) {
-    work_streams_ = streams_;
-    work_packets_ = packets_;
-    if (any_ && way_ != Way::kPacket) {
-      occlusion_.resize(size_);
-      for (std::size_t i = 0; i < size_; ++i) occlusion_[i] = streams_[i].ray;
-    }
-    const Stopwatch watch(threads);
-    core::ParallelFor(0, size_, kBlock, [&](std::size_t first, std::size_t last) {
-      const FlushDenormals flush;
-      RTCIntersectContext context;
-      rtcInitIntersectContext(&context);
-      context.flags =
-          coherent_ ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
-      switch (way_) {
-        case Way::kSingle:
-          for (std::size_t i = first; i < last; ++i) {
-            if (any_) {
-              rtcOccluded1(scene_, &context, &occlusion_[i]);
-            } else {
-              rtcIntersect1(scene_, &context, &work_streams_[i]);
-            }
-          }
-          break;
-        case Way::kPacket:
-          for (std::size_t i = first; i < last; i += 16) {
-            alignas(64) int valid[16];
-            for (std::size_t k = 0; k < 16; ++k) valid[k] = i + k < last ? -1 : 0;
-            if (any_) {
-              rtcOccluded16(valid, scene_, &context, &work_packets_[i / 16].ray);
-            } else {
-              rtcIntersect16(valid, scene_, &context, &work_packets_[i / 16]);
-            }
-          }
-          break;
-        case Way::kStream:
-          if (any_) {
-            rtcOccluded1M(scene_, &context, &occlusion_[first], static_cast<unsigned>(last - first),
-                          sizeof(RTCRay));
-          } else {
-            rtcIntersect1M(scene_, &context, &work_streams_[first],
-                           static_cast<unsigned>(last - first), sizeof(RTCRayHit));
-          }
-          break;
-      }
-    });
-    return watch.seconds();
-  }
-
-  // The distance of a single-ray mode's last run; infinite for a miss, 0 where only "any" was
-  // asked.
-  double Distance(std::size_t i) const {
-    if (any_) return occlusion_[i].tfar < 0 ? 0 : kMiss;
-    return work_streams_[i].hit.geomID == RTC_INVALID_GEOMETRY_ID
-               ? kMiss
-               : static_cast<double>(work_streams_[i].ray.tfar);
-  }
-  void Release() {
-    for (auto* v : {&streams_, &work_streams_}) *v = {};
-    for (auto* v : {&packets_, &work_packets_}) *v = {};
-    occlusion_ = {};
-  }
-
- private:
-  template <class T>
-  struct Aligned {
-    using value_type = T;
-    Aligned() = default;
-    template <class U>
-    Aligned(const Aligned<U>&) {}  // NOLINT(google-explicit-constructor)
-    T* allocate(std::size_t n) {
-      return static_cast<T*>(::operator new (n * sizeof(T), std::align_val_t{64}));
-    }
-    void deallocate(T* p, std::size_t) { ::operator delete (p, std::align_val_t{64}); }
-    friend bool operator==(const Aligned&, const Aligned&) { return true; }
-  };
-
-  std::string name_;
-  RTCScene scene_;
-  Way way_;
-  bool coherent_;
-  bool any_ = false;
-  std::size_t size_ = 0;
-  std::vector<RTCRayHit, Aligned<RTCRayHit>> streams_, work_streams_;
-  std::vector<RTCRayHit16, Aligned<RTCRayHit16>> packets_, work_packets_;
-  std::vector<RTCRay, Aligned<RTCRay>> occlusion_;
 };
 
 class KdrayMode {

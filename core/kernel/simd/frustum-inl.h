@@ -15,104 +15,16 @@
 
 #include "core/accel/wide/wide_tree.h"
 #include "core/kernel/kernel.h"
+#include "core/kernel/simd/frustum_filters-inl.h"
 #include "core/kernel/simd/isa.h"
 #include "core/kernel/simd/node_step-inl.h"
 #include "core/kernel/simd/packet-inl.h"
-#include "core/kernel/simd/packet_hits-inl.h"
+#include "core/kernel/simd/packet_pairs-inl.h"
 #include "core/kernel/simd/vectors-inl.h"
+#include "core/kernel/simd/vectors16-inl.h"
 
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
-
-/// For each group, the lanes of a block whose triangles it may hit.
-struct LanesByGroup {
-  unsigned of[FrustumRays::kGroups];
-  unsigned any;
-};
-/// A block's corners relative to the packet's origin, along the packet's axes.
-struct CornersFromOrigin {
-  F8 at[3][3];  // [corner][axis]
-};
-
-/// By the triangles' rectangles in the plane of shears. Every leaf test decides on points that are
-/// within kFloatPad of the ray and of the triangle. Where the triangle is z away that is kFloatPad
-/// / z in shear, times what a ray's direction is longer than its z; rounding here is off by 2^-21
-/// of a shear, below 1. A triangle that reaches behind the origin has no rectangle.
-KDRAY_INLINE LanesByGroup FilterRectangles(const FrustumRays& rays,
-                                           const CornersFromOrigin& corners, unsigned active) {
-  constexpr float kMargin = static_cast<float>(4 * kFloatPad);
-  const F8 ahead = Set8((rays.octant >> rays.axis[2] & 1u) != 0 ? -1.0f : 1.0f);
-  F8 inverse[3];
-  for (int c = 0; c < 3; ++c) inverse[c] = Set8(1) / corners.at[c][2];
-  const F8 nearest =
-      Min(Min(ahead * corners.at[0][2], ahead * corners.at[1][2]), ahead * corners.at[2][2]);
-  // NaN, where there is no triangle, is in neither.
-  const unsigned without = Bits(LessEqual(nearest, Set8(0x1p-20f)));
-  const F8 margin =
-      Max(Max(Abs(inverse[0]), Abs(inverse[1])), Abs(inverse[2])) * Set8(kMargin) + Set8(0x1p-20f);
-  F8 low[2], high[2];
-  for (int k = 0; k < 2; ++k) {
-    const F8 a = corners.at[0][k] * inverse[0];
-    const F8 b = corners.at[1][k] * inverse[1];
-    const F8 c = corners.at[2][k] * inverse[2];
-    low[k] = Min(Min(a, b), c) - margin;
-    high[k] = Max(Max(a, b), c) + margin;
-  }
-  const auto overlap = [&](float low_x, float high_x, float low_y, float high_y) KDRAY_LAMBDA {
-    return (LessEqual(low[0], Set8(high_x)) & LessEqual(Set8(low_x), high[0])) &
-           (LessEqual(low[1], Set8(high_y)) & LessEqual(Set8(low_y), high[1]));
-  };
-  LanesByGroup lanes = {};
-  for (std::size_t g = 0; g < FrustumRays::kGroups; ++g) {
-    const unsigned met = Bits(overlap(rays.group_low[0][g], rays.group_high[0][g],
-                                      rays.group_low[1][g], rays.group_high[1][g])) |
-                         without;
-    lanes.of[g] = (active >> g & 1u) != 0 ? met : 0;
-    lanes.any |= lanes.of[g];
-  }
-  return lanes;
-}
-
-/// The triangles of a block in the packet's coordinates. A test's edge function is linear in the
-/// ray's shear, relative to the packet's middle. `slack` is twice what FilterRelaxed allows, for
-/// both evaluations.
-struct FrustumEdges {
-  alignas(32) float middle[3][8], by_x[3][8], by_y[3][8], slack[8];
-
-  KDRAY_INLINE FrustumEdges(const FrustumRays& rays, const CornersFromOrigin& corners) {
-    const F8 rx = Set8(rays.shear_reach[0]), ry = Set8(rays.shear_reach[1]);
-    F8 x[3], y[3], z[3];
-    F8 m = Set8(0);
-    for (int c = 0; c < 3; ++c) {
-      z[c] = corners.at[c][2];
-      x[c] = corners.at[c][0] - Set8(rays.shear_middle[0]) * z[c];
-      y[c] = corners.at[c][1] - Set8(rays.shear_middle[1]) * z[c];
-      m = Max(m, Max(Abs(x[c]) + rx * Abs(z[c]), Abs(y[c]) + ry * Abs(z[c])));
-    }
-    Store(m * Set8(0x1p-14f) + Set8(0x1p-33f), slack);
-    // x_p y_q - y_p x_q, where a ray sees x - dx z and y - dy z.
-    constexpr int kFrom[3] = {2, 0, 1}, kTo[3] = {1, 2, 0};
-    for (int e = 0; e < 3; ++e) {
-      const int p = kFrom[e], q = kTo[e];
-      Store(x[p] * y[q] - y[p] * x[q], middle[e]);
-      Store(z[p] * y[q] - y[p] * z[q], by_x[e]);
-      Store(x[p] * z[q] - z[p] * x[q], by_y[e]);
-    }
-  }
-
-  /// The rays of a group that may hit the triangle of a lane.
-  KDRAY_INLINE unsigned Rays(const FrustumRays& rays, std::size_t group, unsigned lane) const {
-    const F16 dx = Load16(rays.offset[0] + 16 * group);
-    const F16 dy = Load16(rays.offset[1] + 16 * group);
-    F16 w[3];
-    for (int e = 0; e < 3; ++e) {
-      w[e] = NegMulAdd(dy, Set16(by_y[e][lane]),
-                       NegMulAdd(dx, Set16(by_x[e][lane]), Set16(middle[e][lane])));
-    }
-    return Bits(LessEqual(Set16(-slack[lane]), Min(Min(w[0], w[1]), w[2])) |
-                LessEqual(Max(Max(w[0], w[1]), w[2]), Set16(slack[lane])));
-  }
-};
 
 /// The block after this one, if it is of the same leaf.
 KDRAY_INLINE void PrefetchNext(const LeafBlock& block) {

@@ -6,6 +6,7 @@
 
 #include "core/intersect/precision.h"
 #include "core/kernel/kernel.h"
+#include "core/kernel/simd/any_packet_hits-inl.h"
 #include "core/kernel/simd/exact-inl.h"
 #include "core/kernel/simd/exact_all-inl.h"
 #include "core/kernel/simd/frustum-inl.h"

@@ -17,6 +17,7 @@
 #include "core/kernel/simd/prepared_rays-inl.h"
 #include "core/kernel/simd/rays-inl.h"
 #include "core/kernel/simd/vectors-inl.h"
+#include "core/kernel/simd/vectors16-inl.h"
 
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The hits of a packet's rays, and the triangle intersections on 16 lanes, each a pair of a ray and
-// a triangle.
+// The closest hits of a packet's rays, with the triangle intersections on 16 pairs of a ray and a
+// triangle. any_packet_hits-inl.h has whether there is any.
 #pragma once
 
 #include <algorithm>
@@ -16,79 +16,14 @@
 #include "core/kernel/kernel.h"
 #include "core/kernel/simd/isa.h"
 #include "core/kernel/simd/packet-inl.h"
+#include "core/kernel/simd/packet_pairs-inl.h"
 #include "core/kernel/simd/search-inl.h"
 #include "core/kernel/simd/vectors-inl.h"
+#include "core/kernel/simd/vectors16-inl.h"
 
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// [corner][axis], local coordinates.
-struct Corners16 {
-  F16 at[3][3];
-};
-
-/// Bounds of the hit's parameter in each lane, where certain.
-struct AlongRay {
-  unsigned accepted, certain;
-  F16 low, high;
-};
-
-/// The lanes in which the ray certainly meets the triangle's front, and its back; as SideMet.
-struct SidesMet {
-  unsigned front, back;
-};
-/// `d` are the directions of LocalRay in float, along the same axes as the corners; the axes must
-/// be in cyclic order.
-///
-/// In units of 2^-24 of the sum of the sizes of its six products, d . (b x c) is off by 2 for the
-/// differences b and c, 2 for the products, 1 for the difference of two, 1 for d, 1 for the product
-/// with it and 2 for the sum: 9, of 16 allowed. Corners that are doubles are rounded to float by at
-/// most 2^-25, which moves the result by less than 2^-21 of |b| + |c| (sums of sizes, |d| <= 2), of
-/// 2^-19 allowed.
-KDRAY_INLINE SidesMet FindSides(const Corners16& corners, const F16 (&d)[3], bool are_doubles) {
-  F16 b[3], c[3];
-  for (int k = 0; k < 3; ++k) {
-    b[k] = corners.at[1][k] - corners.at[0][k];
-    c[k] = corners.at[2][k] - corners.at[0][k];
-  }
-  F16 along = Set16(0), size = Set16(0), edges = Set16(0);
-  for (int k = 0; k < 3; ++k) {
-    const int i = k == 2 ? 0 : k + 1;
-    const int j = i == 2 ? 0 : i + 1;
-    const F16 left = b[i] * c[j], right = b[j] * c[i];
-    along = along + d[k] * (left - right);
-    size = size + Abs(d[k]) * (Abs(left) + Abs(right));
-    edges = edges + (Abs(b[k]) + Abs(c[k]));
-  }
-  const F16 error =
-      size * Set16(0x1p-20f) + edges * Set16(are_doubles ? 0x1p-19f : 0.0f) + Set16(0x1p-120f);
-  return {Bits(Less(along, Set16(0) - error)), Bits(Less(error, along))};
-}
-
-/// Up to 16 pairs of a ray and a triangle of one block; one for each bit of `lanes`.
-struct RayTrianglePairs {
-  const std::uint32_t* place;  // of the ray
-  const std::uint32_t* lane;   // of the triangle
-  unsigned lanes;
-  const LeafBlock* block;
-
-  KDRAY_INLINE void Numbers(PrimitiveId* numbers) const {
-    LookUp8(block->id, lane, numbers);
-    for (int k = 0; k < 16; ++k) numbers[k] &= LeafBlock::kIdMask;
-  }
-  std::uint32_t slot;  // of its first triangle: its number times 8
-};
-
-/// A triangle of a block and rays at 16 places in a row, from `first` on; one for each bit of
-/// `lanes`.
-struct TriangleWithGroup {
-  std::size_t first;
-  unsigned lanes;
-  const LeafBlock* block;
-  std::uint32_t slot;  // of the triangle: its block's number times 8, and its lane
-
-  KDRAY_INLINE PrimitiveId Number() const { return block->IdOf(slot % LeafBlock::kWidth); }
-};
 /// 16 numbers of an array of 32 bits each, unchanged, in the lanes of set bits.
 KDRAY_INLINE void SetLanes(unsigned bits, std::uint32_t value, std::uint32_t* to) {
   float* const at = reinterpret_cast<float*>(to);
@@ -448,79 +383,6 @@ struct WatertightPacketHits : PacketHits {
       StoreHits(job, first, *rays.order, four,
                 Load4(decision.s) * (Widen4(rays.scale + place) * Set4(rays.frame_scale)) + Set4(0),
                 Load4(decision.u), Load4(decision.v), found);
-    }
-  }
-};
-
-/// Whether each of 64 rays hits anything, by the triangle intersection of ClosestHits.
-template <class ClosestHits>
-struct AnyPacketHits {
-  static constexpr Precision kPrecision = ClosestHits::kPrecision;
-  /// Few: rays to a visible lamp test everything on their way, while the stream kernel's rays stop
-  /// at the first hit.
-  static constexpr std::size_t kMostWork = 100;
-  std::uint64_t alone = 0;
-  std::uint64_t occluded = 0;
-  alignas(64) float exit[FrustumRays::kRays];
-
-  KDRAY_INLINE static std::uint32_t Axis(const FrustumRays& rays, std::uint32_t k) {
-    return ClosestHits::Axis(rays, k);
-  }
-  KDRAY_INLINE static const float* RayRow(const FrustumRays& rays, int k) {
-    return ClosestHits::RayRow(rays, k);
-  }
-  const float* exits() const { return exit; }
-  std::uint64_t done() const { return alone | occluded; }
-
-  using Lanes = typename ClosestHits::Lanes;
-  KDRAY_INLINE static Lanes Test(const Corners16& corners, const F16 (&origin)[3],
-                                 const F16 (&ray)[3], float origin_size) {
-    return ClosestHits::Test(corners, origin, ray, origin_size);
-  }
-  KDRAY_INLINE void Take(const Lanes& lanes, const RayTrianglePairs& pairs,
-                         const FrustumRays& rays) {
-    const AlongRay along = lanes.Along();
-    const unsigned accepted = along.accepted & pairs.lanes;
-    if (accepted == 0) return;
-    const unsigned inside = rays.IsInside(along.low, along.high, pairs.place);
-    const unsigned outside = rays.IsOutside(along.low, along.high, pairs.place);
-    const unsigned hit = accepted & along.certain & inside;
-    Mark(accepted & ~(along.certain & (inside | outside)), pairs.place, &alone);
-    Mark(hit, pairs.place, &occluded);
-  }
-
-  KDRAY_INLINE void TakeGroup(const Lanes& lanes, const TriangleWithGroup& pairs,
-                              const FrustumRays& rays) {
-    const AlongRay along = lanes.Along();
-    const unsigned accepted = along.accepted & pairs.lanes;
-    if (accepted == 0) return;
-    const unsigned inside = rays.IsInside(along.low, along.high, pairs.first);
-    const unsigned outside = rays.IsOutside(along.low, along.high, pairs.first);
-    const unsigned hit = accepted & along.certain & inside;
-    const unsigned open = accepted & ~(along.certain & (inside | outside));
-    alone |= std::uint64_t{open} << pairs.first;
-    occluded |= std::uint64_t{hit} << pairs.first;
-    SetLanes(hit | open, Set16(-std::numeric_limits<float>::infinity()), exit + pairs.first);
-  }
-
-  void Begin() {
-    alone = occluded = 0;
-    for (float& x : exit) x = std::numeric_limits<float>::infinity();
-  }
-  void Finish(const KernelJob& job, std::size_t first, const FrustumRays& rays) {
-    alone &= ~occluded;
-    for (std::size_t i = 0; i < FrustumRays::kRays; ++i) {
-      job.occluded[RowAt(job, first + i)] =
-          static_cast<std::uint8_t>(occluded >> rays.order->PlaceOf(i) & 1u);
-    }
-  }
-
- private:
-  KDRAY_INLINE void Mark(unsigned lanes, const std::uint32_t* place, std::uint64_t* set) {
-    for (; lanes != 0; lanes &= lanes - 1) {
-      const std::uint32_t i = place[__builtin_ctz(lanes)];
-      *set |= std::uint64_t{1} << i;
-      exit[i] = -std::numeric_limits<float>::infinity();
     }
   }
 };
