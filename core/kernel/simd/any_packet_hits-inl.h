@@ -38,9 +38,11 @@ struct AnyPacketHits {
   std::uint64_t done() const { return alone | occluded; }
 
   using Lanes = typename ClosestHits::Lanes;
+  using Bounds = typename ClosestHits::Bounds;
+  template <class Place>
   KDRAY_INLINE static Lanes Test(const Corners16& corners, const F16 (&origin)[3],
-                                 const F16 (&ray)[3], float origin_size) {
-    return ClosestHits::Test(corners, origin, ray, origin_size);
+                                 const F16 (&ray)[3], const Bounds& bounds, Place place) {
+    return ClosestHits::Test(corners, origin, ray, bounds, place);
   }
   KDRAY_INLINE void Take(const Lanes& lanes, const RayTrianglePairs& pairs,
                          const FrustumRays& rays) {

@@ -53,7 +53,9 @@ class Frustum {
     if (!rays_.Gather(job_, first)) return false;
     first_ = first;
     hits_.Begin();
-    work_ = 0;
+    // Neighbouring packets are alike.
+    if (items_ != 0) is_grouped_ = pairs_ >= kManyOnAverage * items_;
+    blocks_ = items_ = pairs_ = 0;
     size_ = 0;
     current_ = tree_.root;
     current_enter_ = rays_.enter;
@@ -69,9 +71,10 @@ class Frustum {
     if ((current_ & WideChild::kLeafBit) == 0) {
       StepDown(tree_.nodes[current_]);
     } else {
+      const std::size_t pairs_before = pairs_;
       TestLeaf(current_ & ~WideChild::kLeafBit, current_enter_);
-      if (work_ > Hits::kMostWork) return false;
-      exit_ = FindExits();
+      if (IsTooMuchWork()) return false;
+      if (pairs_ != pairs_before) exit_ = FindExits();
     }
     while (size_ != 0) {
       --size_;
@@ -87,7 +90,7 @@ class Frustum {
   /// Writes the answers. Rows to trace alone are appended to `alone`, even if they have an answer.
   /// False if the packet was abandoned.
   bool End(std::vector<std::uint32_t>* alone) {
-    if (work_ > Hits::kMostWork) {
+    if (IsTooMuchWork()) {
       hits_.alone = FrustumRays::kAll;
     } else {
       hits_.Finish(job_, first_, rays_);
@@ -98,12 +101,14 @@ class Frustum {
         alone->push_back(static_cast<std::uint32_t>(RowAt(job_, first_ + i)));
       }
     }
-    return work_ <= Hits::kMostWork;
+    return !IsTooMuchWork();
   }
 
  private:
   // Work (CancelPoll) of a block of triangles, for the whole packet.
   static constexpr std::uint64_t kPacketBlockWork = 512;
+
+  bool IsTooMuchWork() const { return blocks_ + items_ > Hits::kMostWork; }
 
   KDRAY_INLINE void StepDown(const WideNode& node) {
     // Planes by the octant; near planes are multiplied by the largest or the smallest reciprocal,
@@ -153,13 +158,21 @@ class Frustum {
         }
       }
       const LanesByGroup lanes = FilterRectangles(rays_, corners, active);
-      ++work_;
-      if (lanes.any != 0) TestBlock(block, number, lanes, corners);
+      ++blocks_;
+      if (lanes.any != 0) {
+        if (is_grouped_) {
+          TestBlock<true>(block, number, lanes, corners);
+        } else {
+          TestBlock<false>(block, number, lanes, corners);
+        }
+      }
       if (block.IsLast() || job_.poll->Spend(kPacketBlockWork)) break;
     }
   }
 
-  // Lists instead of nested loops, whose branches would be unpredictable.
+  // Lists instead of nested loops, whose branches would be unpredictable. `kGrouped`: whether items
+  // that many rays of their group may meet are tested with the whole group.
+  template <bool kGrouped>
   KDRAY_INLINE void TestBlock(const LeafBlock& block, std::uint32_t number,
                               const LanesByGroup& lanes, const CornersFromOrigin& corners) {
     constexpr std::size_t kGroups = FrustumRays::kGroups;
@@ -171,36 +184,58 @@ class Frustum {
       Store(Compress(lanes.of[g], item), items + item_count);
       item_count += static_cast<std::size_t>(__builtin_popcount(lanes.of[g]));
     }
-    work_ += item_count;
+    items_ += item_count;
     const FrustumEdges edges(rays_, corners);
+    const typename Hits::Bounds bounds(rays_, corners);
     alignas(64) std::uint32_t place[FrustumRays::kRays * kLanes + 16];
     alignas(64) std::uint32_t lane[FrustumRays::kRays * kLanes + 16];
     std::size_t pair_count = 0;
+    struct {
+      std::uint32_t item;
+      unsigned rays;
+    } grouped[kGrouped ? kGroups * kLanes + 1 : 1];
+    std::size_t grouped_count = 0;
     for (std::size_t i = 0; i < item_count; ++i) {
       const std::uint32_t group = items[i] / kLanes;
       const unsigned bits = edges.Rays(rays_, group, items[i] % kLanes) &
                             ~static_cast<unsigned>(hits_.done() >> (16 * group));
-      if (__builtin_popcount(bits) >= kTogether) {
-        TestGroup({std::size_t{16} * group, bits, &block,
-                   static_cast<std::uint32_t>(kLanes * number + items[i] % kLanes)});
-        continue;
-      }
+      const auto rays = static_cast<std::size_t>(__builtin_popcount(bits));
       StoreIndices(bits, 16 * group, place + pair_count);
       Fill16(items[i] % kLanes, lane + pair_count);
-      pair_count += static_cast<std::size_t>(__builtin_popcount(bits));
+      if constexpr (kGrouped) {
+        // Written to both lists, kept in one.
+        const bool many = rays >= kManyOfGroup;
+        grouped[grouped_count] = {items[i], bits};
+        grouped_count += many ? 1 : 0;
+        pair_count += many ? 0 : rays;
+        pairs_ += rays;
+      } else {
+        pair_count += rays;
+      }
     }
+    if constexpr (!kGrouped) pairs_ += pair_count;
     for (std::size_t i = 0; i < pair_count; i += 16) {
       const std::size_t left = pair_count - i;
       TestPairs({place + i, lane + i, left >= 16 ? 0xffffu : (1u << left) - 1, &block,
-                 static_cast<std::uint32_t>(kLanes) * number});
+                 static_cast<std::uint32_t>(kLanes) * number},
+                bounds);
+    }
+    for (std::size_t i = 0; i < grouped_count; ++i) {
+      const std::uint32_t item = grouped[i].item;
+      TestGroup({std::size_t{16} * (item / kLanes), grouped[i].rays, &block,
+                 static_cast<std::uint32_t>(kLanes * number + item % kLanes)},
+                bounds);
     }
   }
 
   // Rays of a group that are worth a test of the whole group with one triangle: their numbers need
   // not be collected from many places, nor the hits written one by one.
-  static constexpr int kTogether = 10;
+  static constexpr std::size_t kManyOfGroup = 8;
+  // Mean number of rays of an item above which packets have many such items. Elsewhere, as on
+  // scans, looking for the few costs more than they save.
+  static constexpr std::size_t kManyOnAverage = 4;
 
-  KDRAY_INLINE void TestGroup(const TriangleWithGroup& pairs) {
+  KDRAY_INLINE void TestGroup(const TriangleWithGroup& pairs, const typename Hits::Bounds& bounds) {
     const std::size_t lane = pairs.slot % LeafBlock::kWidth;
     Corners16 corners;
     F16 origin[3], ray[3];
@@ -210,12 +245,12 @@ class Frustum {
       origin[k] = rays_.OriginAt(axis, pairs.first);
       ray[k] = Load16(Hits::RayRow(rays_, static_cast<int>(k)) + pairs.first);
     }
-    auto lanes = Hits::Test(corners, origin, ray, rays_.origin_size);
+    auto lanes = Hits::Test(corners, origin, ray, bounds, lane);
     CullSides(corners, pairs.first, &lanes);
     hits_.TakeGroup(lanes, pairs, rays_);
   }
 
-  KDRAY_INLINE void TestPairs(const RayTrianglePairs& pairs) {
+  KDRAY_INLINE void TestPairs(const RayTrianglePairs& pairs, const typename Hits::Bounds& bounds) {
     // Places after the last pair are unspecified.
     Corners16 corners;
     for (int c = 0; c < 3; ++c) {
@@ -228,7 +263,7 @@ class Frustum {
       origin[k] = rays_.OriginAt(Hits::Axis(rays_, k), pairs.place);
       ray[k] = LookUp64(Hits::RayRow(rays_, static_cast<int>(k)), pairs.place);
     }
-    auto lanes = Hits::Test(corners, origin, ray, rays_.origin_size);
+    auto lanes = Hits::Test(corners, origin, ray, bounds, pairs.lane);
     CullSides(corners, pairs.place, &lanes);
     hits_.Take(lanes, pairs, rays_);
   }
@@ -269,7 +304,9 @@ class Frustum {
   float current_enter_ = 0;
   float exit_ = 0;
   std::size_t first_ = 0;
-  std::size_t work_ = 0;
+  // Of the packet: blocks that it met, items (a triangle with a group) and pairs of these.
+  std::size_t blocks_ = 0, items_ = 0, pairs_ = 0;
+  bool is_grouped_ = false;  // see TestBlock
   float group_exit_[FrustumRays::kGroups];
   FrustumRays rays_;
   Hits hits_;

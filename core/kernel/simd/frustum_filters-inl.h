@@ -11,6 +11,7 @@
 #include "core/geometry/local_ray.h"
 #include "core/kernel/simd/isa.h"
 #include "core/kernel/simd/packet-inl.h"
+#include "core/kernel/simd/packet_pairs-inl.h"
 #include "core/kernel/simd/vectors-inl.h"
 #include "core/kernel/simd/vectors16-inl.h"
 
@@ -21,10 +22,6 @@ namespace kdray::core::KDRAY_ISA {
 struct LanesByGroup {
   unsigned of[FrustumRays::kGroups];
   unsigned any;
-};
-/// A block's corners relative to the packet's origin, along the packet's axes.
-struct CornersFromOrigin {
-  F8 at[3][3];  // [corner][axis]
 };
 
 /// By the triangles' rectangles in the plane of shears. Every leaf test decides on points that are

@@ -51,10 +51,11 @@ struct FrustumRays {
   static constexpr std::size_t kGroups = kRays / 16;
   static constexpr std::uint64_t kAll = ~std::uint64_t{0};
 
-  alignas(64) float direction[3][kRays];  // as FastIntersection has it
-  alignas(64) float shear[2][kRays];      // as WatertightIntersection<float> has it
-  alignas(64) float offset[2][kRays];     // shear - shear_middle
-  alignas(64) float exit[kRays];          // the end of each ray from the origin, rounded outward
+  alignas(64) float direction[3][kRays];   // as FastIntersection has it
+  alignas(64) float shear[2][kRays];       // as WatertightIntersection<float> has it
+  alignas(64) float offset[2][kRays];      // shear - shear_middle
+  alignas(64) float inverse_along[kRays];  // 1 / direction along axis[2], for `watertight`
+  alignas(64) float exit[kRays];           // the end of each ray from the origin, rounded outward
   // The caller's interval, rounded inward: exact for float s.
   alignas(64) float s_min[kRays], s_max[kRays];
   alignas(64) float scale[kRays];  // direction / the caller's direction: a power of two
@@ -154,7 +155,7 @@ struct FrustumRays {
   void ChooseAxes(const Vec3d& d);
   bool GatherFloats(const KernelJob& job, std::size_t first, Given* given);
   bool GatherDoubles(const KernelJob& job, std::size_t first, Given* given);
-  bool FindRanges();
+  bool FindRanges(bool with_inverse);
   bool FindIntervals(const KernelJob& job, std::size_t first);
   bool FindTarget(const MeshFrame& frame, const Given& given);
   KDRAY_INLINE D4 DoubleDirectionAt(std::size_t k, std::size_t place) const {
@@ -168,6 +169,14 @@ struct FrustumRays {
 
 KDRAY_INLINE std::size_t RowAt(const KernelJob& job, std::size_t i) {
   return job.rows != nullptr ? job.rows[i] : i;
+}
+/// job.rays[row], inline.
+KDRAY_INLINE Ray RayAt(const KernelJob& job, std::size_t row) {
+  const RayF* floats = job.rays.floats();
+  if (floats == nullptr) return job.rays.doubles()[row];
+  const RayF& ray = floats[row];
+  return {Vec3d(ray.origin), static_cast<double>(ray.t_min), Vec3d(ray.direction),
+          static_cast<double>(ray.t_max)};
 }
 
 /// The first eight rays are a row of pixels, and the ninth is next to the first.
@@ -202,8 +211,8 @@ inline void FrustumRays::ChooseAxes(const Vec3d& d) {
 inline bool FrustumRays::Gather(const KernelJob& job, std::size_t first) {
   // Cheap checks first: most sets of rays that do not form a packet differ in their first and last
   // ray.
-  const Ray one = job.rays[RowAt(job, first)];
-  const Ray other = job.rays[RowAt(job, first + kRays - 1)];
+  const Ray one = RayAt(job, RowAt(job, first));
+  const Ray other = RayAt(job, RowAt(job, first + kRays - 1));
   shares_target = !(one.origin == other.origin);
   if (shares_target) {
     if (job.occluded == nullptr) return false;
@@ -215,17 +224,18 @@ inline bool FrustumRays::Gather(const KernelJob& job, std::size_t first) {
   ChooseAxes(one.direction);
   order = IsTile(job, first) ? &kTiled : &kInARow;
   given_in_double_ = job.rays.floats() == nullptr;
+  const bool is_watertight = job.precision == Precision::kWatertight;
   const MeshFrame& frame = job.mesh->frame();
   if (shares_target) {
     Given given;
     return (given_in_double_ ? GatherDoubles(job, first, &given)
                              : GatherFloats(job, first, &given)) &&
-           FindRanges() && FindTarget(frame, given);
+           FindRanges(is_watertight) && FindTarget(frame, given);
   }
   return SetOrigin(frame, frame.ToLocal(one.origin)) &&
          (given_in_double_ ? GatherDoubles(job, first, nullptr)
                            : GatherFloats(job, first, nullptr)) &&
-         FindRanges() && FindIntervals(job, first);
+         FindRanges(is_watertight) && FindIntervals(job, first);
 }
 
 /// direction, shear and scale of float rays. What MakeLocalRay computes in double comes out the
@@ -309,7 +319,7 @@ inline bool FrustumRays::GatherDoubles(const KernelJob& job, std::size_t first, 
 
 /// False unless all rays have one octant, one largest axis by more than rounding, no component that
 /// a cull treats as parallel, and close directions.
-inline bool FrustumRays::FindRanges() {
+inline bool FrustumRays::FindRanges(bool with_inverse) {
   unsigned usual = 0xffffu;
   for (std::size_t k = 0; k < 2; ++k) {
     for (std::size_t g = 0; g < kGroups; ++g) {
@@ -319,6 +329,9 @@ inline bool FrustumRays::FindRanges() {
     }
   }
   if (usual != 0xffffu) return false;
+  for (std::size_t i = 0; with_inverse && i < kRays; i += 16) {
+    Store(Set16(1) / Load16(direction[axis[2]] + i), inverse_along + i);
+  }
   octant = 0;
   for (int k = 0; k < 3; ++k) {
     F16 least = Load16(direction[k]);
@@ -362,7 +375,7 @@ inline bool FrustumRays::FindIntervals(const KernelJob& job, std::size_t first) 
   }
   enter = std::numeric_limits<float>::infinity();
   for (std::size_t i = 0; i < kRays; ++i) {
-    const Ray ray = job.rays[RowAt(job, first + i)];
+    const Ray ray = RayAt(job, RowAt(job, first + i));
     if (!(ray.t_min <= ray.t_max)) return false;
     const std::size_t place = order->PlaceOf(i);
     const double to_caller = static_cast<double>(scale[place]) * frame_scale;

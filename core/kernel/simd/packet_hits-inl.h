@@ -17,6 +17,7 @@
 #include "core/kernel/simd/isa.h"
 #include "core/kernel/simd/packet-inl.h"
 #include "core/kernel/simd/packet_pairs-inl.h"
+#include "core/kernel/simd/s_bound-inl.h"
 #include "core/kernel/simd/search-inl.h"
 #include "core/kernel/simd/vectors-inl.h"
 #include "core/kernel/simd/vectors16-inl.h"
@@ -94,9 +95,14 @@ struct FastPacketHits : PacketHits {
     F16 s, u, v;
     AlongRay Along() const { return {accepted, certain, s, s}; }
   };
-  /// Origins and rays by Axis and RayRow.
+  /// Nothing: s is exact.
+  struct Bounds {
+    Bounds(const FrustumRays&, const CornersFromOrigin&) {}
+  };
+  /// Origins and rays by Axis and RayRow; `place` is a triangle's lane, or 16 lanes.
+  template <class Place>
   KDRAY_INLINE static Lanes Test(const Corners16& corners, const F16 (&origin)[3],
-                                 const F16 (&d)[3], float /*origin_size*/) {
+                                 const F16 (&d)[3], const Bounds&, Place) {
     F16 b[3], c[3], from_a[3];
     for (int k = 0; k < 3; ++k) {
       b[k] = corners.at[1][k] - corners.at[0][k];
@@ -203,22 +209,47 @@ struct WatertightPacketHits : PacketHits {
     return rays.axis[k];
   }
   KDRAY_INLINE static const float* RayRow(const FrustumRays& rays, int k) {
-    return k < 2 ? rays.shear[k] : rays.direction[rays.axis[2]];
+    return k < 2 ? rays.shear[k] : rays.inverse_along;
   }
   const float* exits() const { return high; }
 
   struct Lanes : AlongRay {
     const AlongRay& Along() const { return *this; }
   };
+  /// The bounds of a block's triangles. With a common target each ray has its own origin, so the
+  /// bounds are those of the pairs.
+  class Bounds {
+   public:
+    KDRAY_INLINE Bounds(const FrustumRays& rays, const CornersFromOrigin& corners)
+        : of_pairs_(rays.shares_target), origin_size_(rays.origin_size) {
+      const SBound<F8> bound = BoundS(corners.at, origin_size_);
+      Store(bound.depth, depth_);
+      Store(bound.by_sum, by_sum_);
+      Store(bound.rest, rest_);
+    }
+    KDRAY_INLINE SBound<F16> At(const F16 (&corners)[3][3], const std::uint32_t* lane) const {
+      if (of_pairs_) return BoundS(corners, origin_size_);
+      return {LookUp8(depth_, lane), LookUp8(by_sum_, lane), LookUp8(rest_, lane)};
+    }
+    KDRAY_INLINE SBound<F16> At(const F16 (&corners)[3][3], std::size_t lane) const {
+      if (of_pairs_) return BoundS(corners, origin_size_);
+      return {Set16(depth_[lane]), Set16(by_sum_[lane]), Set16(rest_[lane])};
+    }
+
+   private:
+    bool of_pairs_;
+    float origin_size_;
+    alignas(32) float depth_[8], by_sum_[8], rest_[8];
+  };
+  template <class Place>
   KDRAY_INLINE static Lanes Test(const Corners16& corners, const F16 (&origin)[3],
-                                 const F16 (&ray)[3], float origin_size) {
-    F16 raw_x[3], raw_y[3], x[3], y[3], z[3];
+                                 const F16 (&ray)[3], const Bounds& bounds, Place place) {
+    F16 raw[3][3], x[3], y[3], z[3];
     for (int c = 0; c < 3; ++c) {
-      z[c] = corners.at[c][2] - origin[2];
-      raw_x[c] = corners.at[c][0] - origin[0];
-      raw_y[c] = corners.at[c][1] - origin[1];
-      x[c] = raw_x[c] - ray[0] * z[c];
-      y[c] = raw_y[c] - ray[1] * z[c];
+      for (int k = 0; k < 3; ++k) raw[c][k] = corners.at[c][k] - origin[k];
+      z[c] = raw[c][2];
+      x[c] = raw[c][0] - ray[0] * z[c];
+      y[c] = raw[c][1] - ray[1] * z[c];
     }
     const F16 wa = x[2] * y[1] - y[2] * x[1];
     const F16 wb = x[0] * y[2] - y[0] * x[2];
@@ -231,30 +262,9 @@ struct WatertightPacketHits : PacketHits {
     lanes.certain = Bits(NotEqual(wa, zero) & NotEqual(wb, zero) & NotEqual(wc, zero));
     const F16 inverse_sum = Set16(1) / ((wa + wb) + wc);
     // 1 / direction along z lies in (1/2, 1] in size, so s is not larger than z.
-    const F16 s = ((wa * z[0] + wb * z[1]) + wc * z[2]) * inverse_sum * (Set16(1) / ray[2]);
-    // The bound of s. Numbers here are off from those of the double test by, with u = 2^-24, |o|
-    // the origin's largest component and Z the corners' largest z: z by u (|o| + Z); a corner's
-    // difference along x or y by u (|o| + reach + Z), since it is not larger than the corner's x or
-    // y and z; the shear, at most 1, by u; x and y with their own rounding by less than d = u (2
-    // |o| + 4 Z + 3 reach). A ray inside the triangle sees no corner farther from it than m = reach
-    // + 4 d, so an edge function is off by at most w = 4 m d + 4 u m^2, which includes the 2 d^2 of
-    // both factors. The weights, divided by their sum, are off by 6 w / |sum| together, where 3 w
-    // is a quarter of the sum at most: s by half of that times the depth of the triangle, times 1 /
-    // direction, at most 1. Four times as much is allowed. The rest is the rounding of z and of s
-    // itself. If the double test does not find the ray inside, it takes the weights of the float
-    // projection, which are closer.
-    const auto range = [](const F16(&a)[3]) KDRAY_LAMBDA {
-      return Max(Max(a[0], a[1]), a[2]) - Min(Min(a[0], a[1]), a[2]);
-    };
-    const F16 depth = range(z);
-    const F16 reach = Max(range(raw_x), range(raw_y)) + depth;
-    const F16 far = Max(Max(Abs(z[0]), Abs(z[1])), Abs(z[2]));
-    const F16 unit = Set16(0x1p-24f);
-    const F16 d = unit * (Set16(2 * origin_size) + Set16(4) * far + Set16(3) * reach);
-    const F16 m = reach + Set16(4) * d;
-    const F16 w = Set16(4) * m * (d + unit * m);
-    const F16 error = Min(depth, Set16(16) * w * depth * Abs(inverse_sum)) +
-                      unit * (Set16(16) * far + Set16(2 * origin_size + 0x1p-10f));
+    const F16 s = ((wa * z[0] + wb * z[1]) + wc * z[2]) * inverse_sum * ray[2];
+    const SBound<F16> bound = bounds.At(raw, place);
+    const F16 error = Min(bound.depth, bound.by_sum * Abs(inverse_sum)) + bound.rest;
     lanes.low = s - error;
     lanes.high = s + error;
     return lanes;

@@ -19,6 +19,11 @@ struct Corners16 {
   F16 at[3][3];
 };
 
+/// A block's corners relative to the packet's origin, along the packet's axes.
+struct CornersFromOrigin {
+  F8 at[3][3];  // [corner][axis]
+};
+
 /// Bounds of the hit's parameter in each lane, where certain.
 struct AlongRay {
   unsigned accepted, certain;

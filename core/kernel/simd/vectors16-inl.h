@@ -173,6 +173,16 @@ KDRAY_INLINE float Largest(F16 v) {
 
 #endif
 
+/// One number in all lanes of F8 or F16.
+template <class Lanes>
+KDRAY_INLINE Lanes SetAll(float x) {
+  if constexpr (sizeof(Lanes) == sizeof(F8)) {
+    return Set8(x);
+  } else {
+    return Set16(x);
+  }
+}
+
 // ---- Sixty-four bytes ----
 
 /// Bit k of the result is the given bit of bytes[k].
