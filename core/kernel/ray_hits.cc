@@ -37,8 +37,12 @@ std::span<Hit> NearestHits::DropRepeats(CancelPoll* poll) {
       std::unique(hits_.begin(), hits_.end(),
                   [](const Hit& a, const Hit& b) { return a.primitive_id == b.primitive_id; }),
       hits_.end());
+  return Unknown();
+}
+
+std::span<Hit> NearestHits::Unknown() {
   const auto unknown =
-      std::partition(hits_.begin(), hits_.end(), [&](const Hit& hit) { return !is_unknown(hit); });
+      std::partition(hits_.begin(), hits_.end(), [](const Hit& hit) { return !std::isnan(hit.t); });
   return {unknown, hits_.end()};
 }
 
@@ -71,15 +75,21 @@ double NearestHits::KeepNearest(const std::function<void(std::span<Hit>)>& order
 }
 
 void NearestHits::Store(std::size_t row, const HitLists& lists) const {
+  std::copy(hits_.begin(), hits_.end(), Append(row, hits_.size(), is_truncated_, lists).begin());
+}
+
+std::span<Hit> NearestHits::Append(std::size_t row, std::size_t count, bool is_truncated,
+                                   const HitLists& lists) {
   std::vector<Hit>& block = lists.blocks[lists.block];
   HitRow& at = lists.rows[row];
   at.first = block.size();
-  at.size = static_cast<std::uint32_t>(hits_.size());
+  at.size = static_cast<std::uint32_t>(count);
   at.block = static_cast<std::uint32_t>(lists.block) & 0x7fffffffu;
-  at.is_truncated = is_truncated_ ? 1 : 0;
-  block.insert(block.end(), hits_.begin(), hits_.end());
+  at.is_truncated = is_truncated ? 1 : 0;
+  block.resize(block.size() + count);
   const std::size_t counted = block.size() / kCounted - at.first / kCounted;
   if (counted != 0) lists.total->fetch_add(counted * kCounted, std::memory_order_relaxed);
+  return std::span(block).subspan(at.first);
 }
 
 }  // namespace kdray::core

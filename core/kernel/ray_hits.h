@@ -46,6 +46,8 @@ class NearestHits {
 
   /// Drops repeated triangles. Returns the hits whose t is not known; the caller then sets it.
   std::span<Hit> DropRepeats(CancelPoll* poll);
+  /// The same for a list without repeats.
+  std::span<Hit> Unknown();
   /// Drops repeated triangles, sorts by (t, id), and keeps the first max_hits. Every t must be
   /// known. order_ties(hits) puts hits of equal t into another order. Returns the t beyond which no
   /// hit can be kept; infinity until one was dropped. Unspecified if the poll stops.
@@ -57,6 +59,9 @@ class NearestHits {
   bool is_truncated() const { return is_truncated_; }
   /// Appends the hits to the block's list. KeepNearest() was called after the last Add().
   void Store(std::size_t row, const HitLists& lists) const;
+  /// Makes room for a row's hits in the block's list; the caller writes them.
+  static std::span<Hit> Append(std::size_t row, std::size_t count, bool is_truncated,
+                               const HitLists& lists);
 
  private:
   std::size_t max_hits_ = 0;

@@ -184,6 +184,7 @@ struct ExactRaySearch {
 /// every triangle that may be hit.
 template <class Stored>
 struct ExactSearch : ExactRaySearch {
+  static constexpr bool kKeepsAll = false;
   using Answers = ExactAnswers;
   bool found;
   PrimitiveId best_id;

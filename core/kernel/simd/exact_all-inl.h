@@ -30,6 +30,7 @@ namespace kdray::core::KDRAY_ISA {
 /// computed when the list of hits is full, and at the end, several together.
 template <class Stored>
 struct ExactAllSearch : ExactRaySearch {
+  static constexpr bool kKeepsAll = true;
   static constexpr bool found = false;  // the search never ends early
   AllOfRay all;
   bool is_usual;
@@ -47,7 +48,7 @@ struct ExactAllSearch : ExactRaySearch {
   }
 
   KDRAY_INLINE void Test(const KernelJob& job, const LeafBlock& block, unsigned lanes) {
-    VisitFours<Stored>(job, block, FilterRelaxed(cull, block) & lanes,
+    VisitFours<Stored>(job, block, all.New(job, block, FilterRelaxed(cull, block) & lanes),
                        [&](const auto& corner_at, const PrimitiveId* ids, unsigned four)
                            KDRAY_LAMBDA {
                              ExactDecision decision;
@@ -77,7 +78,6 @@ struct ExactAllSearch : ExactRaySearch {
   __attribute__((noinline)) void Take(const KernelJob& job, PrimitiveId id, bool is_certain,
                                       BlockLane at) {
     if (!is_certain) {
-      if (all.WasCounted(job, id)) return;
       job.poll->Spend(job.scalar->work());
       if (!is_scalar) BeginScalar(job);
       if (!job.scalar->Crosses(id, &space)) return;
@@ -91,7 +91,7 @@ struct ExactAllSearch : ExactRaySearch {
   }
 
   double KeepNearest(const KernelJob& job) {
-    Solve(job, all.nearest.DropRepeats(job.poll));
+    Solve(job, all.seen.may_repeat() ? all.nearest.DropRepeats(job.poll) : all.nearest.Unknown());
     // Only hits of equal t need the scalar search.
     return all.nearest.KeepNearest(
         [&](std::span<Hit> ties) {

@@ -124,7 +124,20 @@ class Interleaved {
     std::size_t row = 0;
   };
 
+  // Whether the search meets everything on the ray's way, so that the order does not matter.
+  KDRAY_INLINE bool IsUnordered() const {
+    if constexpr (Search::kKeepsAll) return job_.counts != nullptr;
+    return false;
+  }
+
   KDRAY_INLINE void Step(Slot* slot) {
+    if (IsUnordered()) {
+      const WideNode& node = tree_.nodes[slot->current];
+      const unsigned met = MetChildren(node, slot->search.cull);
+      Store(Compress(met, Load(node.child)), slot->child + slot->size);
+      slot->size += static_cast<std::uint32_t>(__builtin_popcount(met));
+      return;
+    }
     const NodeStep step = Intersect(tree_.nodes[slot->current], slot->search.cull);
     Store(Compress(step.met, step.enter), slot->enter + slot->size);
     Store(Compress(step.met, step.child), slot->child + slot->size);
@@ -149,7 +162,7 @@ class Interleaved {
     while (slot.size != 0) {
       --slot.size;
       // Boxes are padded, so lower entries of the stack may begin earlier.
-      if (slot.enter[slot.size] > slot.search.cull.exit) continue;
+      if (!IsUnordered() && slot.enter[slot.size] > slot.search.cull.exit) continue;
       slot.current = slot.child[slot.size];
       Enqueue(index, slot.current);
       return;

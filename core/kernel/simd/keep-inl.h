@@ -47,28 +47,67 @@ __attribute__((noinline)) inline bool FilterKeeps(const KernelJob& job, std::siz
   return KeepsHit(job.filter_options, job.mesh->frame(), job.rays[row], corners);
 }
 
+/// The triangles that a search for all hits has met, of a tree that may have one in several leaves.
+/// The first are compared in lanes. Of more, a count keeps a hash table; a list forgets which they
+/// were, and drops repeats later.
+class SeenTriangles {
+ public:
+  void Begin() {
+    size_ = 0;
+    has_many_ = false;
+  }
+  /// Whether a triangle may have passed IsNew() twice.
+  bool may_repeat() const { return has_many_; }
+  /// Whether the triangle was not met before; from now on it was.
+  KDRAY_INLINE bool IsNew(const KernelJob& job, PrimitiveId id) {
+    const I8 wanted = SetI8(id);
+    for (std::size_t i = 0; i < size_; i += 8) {
+      if (EqualLanes(Load(first_ + i), wanted) != 0) return false;
+    }
+    if (size_ == kFirst) return IsNewOfMany(job, id);
+    if (size_ % 8 == 0) Store(SetI8(kNoPrimitive), first_ + size_);
+    first_[size_++] = id;
+    return true;
+  }
+
+ private:
+  __attribute__((noinline)) bool IsNewOfMany(const KernelJob& job, PrimitiveId id) {
+    if (!has_many_ && job.counts != nullptr) many_.Clear(job.mesh->triangle_count());
+    has_many_ = true;
+    return job.counts == nullptr || many_.Insert(id);
+  }
+
+  static constexpr std::size_t kFirst = 64;
+  alignas(32) PrimitiveId first_[kFirst];
+  std::size_t size_;  // of first_
+  bool has_many_;
+  TriangleSet many_;  // the others
+};
+
 /// What a search for all hits of a ray has found.
 struct AllOfRay {
   std::uint32_t count;
-  TriangleSet seen;  // for `count`, of a tree with repeats
+  SeenTriangles seen;
   NearestHits nearest;
 
   void Begin(const KernelJob& job) {
     count = 0;
-    if (job.counts == nullptr) {
-      nearest.Begin(job.lists.max_hits);
-    } else if (job.has_repeats) {
-      seen.Clear(job.mesh->triangle_count());
-    }
+    seen.Begin();
+    if (job.counts == nullptr) nearest.Begin(job.lists.max_hits);
   }
-  /// Whether `count` has the triangle already.
-  bool WasCounted(const KernelJob& job, PrimitiveId id) const {
-    return job.counts != nullptr && job.has_repeats && seen.Contains(id);
+  /// The candidates, lanes of a block, that the search has not met in another leaf.
+  KDRAY_INLINE unsigned New(const KernelJob& job, const LeafBlock& block, unsigned candidates) {
+    if (!job.has_repeats) return candidates;
+    unsigned found = 0;
+    for (; candidates != 0; candidates &= candidates - 1) {
+      const auto lane = static_cast<unsigned>(__builtin_ctz(candidates));
+      found |= static_cast<unsigned>(seen.IsNew(job, block.IdOf(lane))) << lane;
+    }
+    return found;
   }
   /// Takes a triangle within the ray's interval. Returns whether the list is now full.
   bool Take(const KernelJob& job, std::size_t row, const Hit& hit, BlockLane at) {
     const PrimitiveId id = hit.primitive_id;
-    if (job.counts != nullptr && job.has_repeats && !seen.Insert(id)) return false;
     if (job.filter != nullptr && !FilterKeeps(job, row, id, at)) return false;
     if (job.counts != nullptr) {
       ++count;
@@ -76,6 +115,37 @@ struct AllOfRay {
     }
     nearest.Add(hit);
     return nearest.IsFull();
+  }
+  /// Stores a list, with the key for t, if it is short, whole, and without equal keys, so without
+  /// repeats. Else returns false. Each hit's place is the number of smaller keys: no branch depends
+  /// on the order.
+  bool StoreShort(const KernelJob& job, std::size_t row, int exponent) {
+    constexpr std::size_t kMost = 32;
+    const std::span<const Hit> hits = nearest.hits();
+    const std::size_t size = hits.size();
+    if (size > std::min(kMost, job.lists.max_hits) || nearest.is_truncated()) return false;
+    alignas(32) double key[kMost] = {};
+    alignas(32) std::int64_t place[kMost];
+    for (std::size_t i = 0; i < size; ++i) key[i] = hits[i].t;
+    unsigned ties = 0;
+    for (std::size_t i = 0; i < size; i += 4) {
+      const D4 mine = Load4(key + i);
+      L4 smaller = {}, equal = {};  // how many, the latter from i on
+      for (std::size_t k = 0; k < i; ++k) smaller -= L4(Set4(key[k]) < mine);
+      for (std::size_t k = i; k < size; ++k) {
+        smaller -= L4(Set4(key[k]) < mine);
+        equal -= L4(Set4(key[k]) == mine);
+      }
+      ties |= Bits(L4(equal > 1)) & ((1u << std::min<std::size_t>(4, size - i)) - 1);
+      __builtin_memcpy(place + i, &smaller, sizeof(smaller));
+    }
+    if (ties != 0) return false;
+    const std::span<Hit> to = NearestHits::Append(row, size, false, job.lists);
+    for (std::size_t i = 0; i < size; ++i) {
+      to[static_cast<std::size_t>(place[i])] = {ToCallerT(hits[i].t, exponent), hits[i].u,
+                                                hits[i].v, hits[i].primitive_id};
+    }
+    return true;
   }
   void Store(const KernelJob& job, std::size_t row) const {
     if (job.counts != nullptr) {
@@ -113,6 +183,7 @@ struct RoundedSearch {
 
 /// Keeps a ray's closest hit, as ClosestSearch does.
 struct KeepClosest : RoundedSearch {
+  static constexpr bool kKeepsAll = false;
   bool found;
   PrimitiveId best_id;
   double best_key, best_u, best_v;  // the key is s + shift
@@ -121,6 +192,11 @@ struct KeepClosest : RoundedSearch {
     BeginRay(local, at);
     found = false;
     best_id = kNoPrimitive;
+  }
+  /// The candidates, lanes of a block, without the best so far: a kd-tree may have it in several
+  /// leaves.
+  KDRAY_INLINE unsigned New(const KernelJob&, const LeafBlock& block, unsigned candidates) const {
+    return candidates & ~EqualLanes(Load(block.id) & SetI8(LeafBlock::kIdMask), SetI8(best_id));
   }
   KDRAY_INLINE void Offer(const KernelJob& job, double s, double u, double v, PrimitiveId id,
                           BlockLane at) {
@@ -149,12 +225,16 @@ struct KeepClosest : RoundedSearch {
 
 /// Counts a ray's triangles, or keeps the nearest ones of a list, with the key for t.
 struct KeepAll : RoundedSearch {
+  static constexpr bool kKeepsAll = true;
   static constexpr bool found = false;  // the search never ends early
   AllOfRay all;
 
   void BeginRounded(const KernelJob& job, const LocalRay& local, std::size_t at) {
     BeginRay(local, at);
     all.Begin(job);
+  }
+  KDRAY_INLINE unsigned New(const KernelJob& job, const LeafBlock& block, unsigned candidates) {
+    return all.New(job, block, candidates);
   }
   KDRAY_INLINE void Offer(const KernelJob& job, double s, double u, double v, PrimitiveId id,
                           BlockLane at) {
@@ -165,6 +245,7 @@ struct KeepAll : RoundedSearch {
   struct Answers {
     void Add(const KernelJob& job, KeepAll& search) {
       if (job.counts == nullptr) {
+        if (search.all.StoreShort(job, search.row, search.exponent)) return;
         search.all.nearest.KeepNearest(job.poll);
         for (Hit& hit : search.all.nearest.hits()) hit.t = ToCallerT(hit.t, search.exponent);
       }

@@ -16,6 +16,7 @@
 #include "core/kernel/simd/packet_hits-inl.h"
 #include "core/kernel/simd/search-inl.h"
 #include "core/kernel/simd/stream-inl.h"
+#include "core/kernel/simd/watertight_all-inl.h"
 
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
@@ -74,7 +75,7 @@ KernelFunction Find(KernelKind kernel, Precision precision, bool double_vertices
     case Precision::kFast:
       return FindFor<FastSearch<KeepClosest>, FastSearch<KeepAll>>(kernel, query);
     case Precision::kWatertight:
-      return FindFor<WatertightSearch<KeepClosest>, WatertightSearch<KeepAll>>(kernel, query);
+      return FindFor<WatertightSearch<KeepClosest>, WatertightAllSearch>(kernel, query);
     case Precision::kDouble:
       return double_vertices ? FindForDouble<double>(kernel, query)
                              : FindForDouble<float>(kernel, query);

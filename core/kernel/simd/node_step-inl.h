@@ -39,10 +39,25 @@ KDRAY_INLINE NodeStep Intersect(const WideNode& node, std::uint32_t octant,
   return {enter_in_order, Permute(Load(node.child), order),
           Bits(LessEqual(enter_in_order, Permute(exit, order)))};
 }
-KDRAY_INLINE NodeStep Intersect(const WideNode& node, const CullRay& ray) {
-  const auto planes_at = [&](std::uint32_t byte) KDRAY_LAMBDA {
-    return reinterpret_cast<const float*>(reinterpret_cast<const char*>(&node) + byte);
+/// The planes of a node's children at an offset of CullRay.
+KDRAY_INLINE const float* PlanesAt(const WideNode& node, std::uint32_t byte) {
+  return reinterpret_cast<const float*>(reinterpret_cast<const char*>(&node) + byte);
+}
+/// The children that the ray meets, a bit for each.
+KDRAY_INLINE unsigned MetChildren(const WideNode& node, const CullRay& ray) {
+  const auto at = [&](std::uint32_t byte, int axis) KDRAY_LAMBDA {
+    return MulSub(Load(PlanesAt(node, byte)), Set8(ray.inverse[axis]),
+                  Set8(ray.origin_inverse[axis]));
   };
+  F8 enter = Set8(ray.enter), exit = Set8(ray.exit);
+  for (int axis = 0; axis < 3; ++axis) {
+    enter = Max(enter, at(ray.near_plane[axis], axis));
+    exit = Min(exit, at(ray.far_plane[axis], axis));
+  }
+  return Bits(LessEqual(enter, exit));
+}
+KDRAY_INLINE NodeStep Intersect(const WideNode& node, const CullRay& ray) {
+  const auto planes_at = [&](std::uint32_t byte) KDRAY_LAMBDA { return PlanesAt(node, byte); };
   return Intersect(
       node, ray.octant, [&](int axis) KDRAY_LAMBDA { return planes_at(ray.near_plane[axis]); },
       [&](int axis) KDRAY_LAMBDA { return planes_at(ray.far_plane[axis]); },

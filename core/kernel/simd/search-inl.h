@@ -40,7 +40,7 @@ __attribute__((noinline)) void DecideByScalar(const KernelJob& job, PrimitiveId 
 /// FastIntersection on eight triangles at once.
 template <class Keep>
 struct FastSearch : Keep {
-  using Keep::cull, Keep::Offer;
+  using Keep::cull, Keep::Offer, Keep::New;
 
   void Begin(const KernelJob& job, const LocalRay& local, std::size_t at) {
     Keep::BeginRounded(job, local, at);
@@ -69,6 +69,10 @@ struct FastSearch : Keep {
                                (LessEqual(u, one) & LessEqual(zero, v)) & LessEqual(u + v, one));
     candidates &= lanes;
     if (candidates == 0) return;
+    if constexpr (Keep::kKeepsAll) {
+      candidates = New(job, block, candidates);
+      if (candidates == 0) return;
+    }
 
     const F8 s = ((c[0] * q[0] + c[1] * q[1]) + c[2] * q[2]) * inverse;
     const F8 tolerance = Set8(FastIntersection::kTolerance);
@@ -144,16 +148,21 @@ struct DoubleRay {
   /// corner_at(corner, axis) gives four triangles' coordinates along an axis of the mesh.
   template <class CornerAt>
   KDRAY_INLINE void Decide(const CornerAt& corner_at, DoubleDecision* decision) const {
-    DecideDouble([&](int corner, int k) KDRAY_LAMBDA { return corner_at(corner, axis[k]); },
-                 Set4(origin[0]), Set4(origin[1]), Set4(origin[2]), Set4(shear[0]), Set4(shear[1]),
-                 Set4(inverse_z), decision);
+    DecideAlong([&](int corner, int k) KDRAY_LAMBDA { return corner_at(corner, axis[k]); },
+                decision);
+  }
+  /// The same along an axis of the ray: 0, 1 and 2 are x, y, z as the ray sees them.
+  template <class CornerAt>
+  KDRAY_INLINE void DecideAlong(const CornerAt& corner_at, DoubleDecision* decision) const {
+    DecideDouble(corner_at, Set4(origin[0]), Set4(origin[1]), Set4(origin[2]), Set4(shear[0]),
+                 Set4(shear[1]), Set4(inverse_z), decision);
   }
 };
 
 /// WatertightIntersection<float> on eight triangles at once.
 template <class Keep>
 struct WatertightSearch : Keep {
-  using Keep::cull, Keep::Offer;
+  using Keep::cull, Keep::Offer, Keep::New;
   DoubleRay exact;
 
   void Begin(const KernelJob& job, const LocalRay& local, std::size_t at) {
@@ -165,8 +174,9 @@ struct WatertightSearch : Keep {
   KDRAY_INLINE void Test(const KernelJob& job, const LeafBlock& block, unsigned lanes) {
     const EdgeFunctions w = EdgesOf(Project(cull, block));
     const F8 zero = Set8(0);
-    const unsigned candidates = w.OneSign() & lanes;
+    unsigned candidates = w.OneSign() & lanes;
     if (candidates == 0) return;
+    candidates = New(job, block, candidates);
     // An edge function of 0 takes exact signs.
     const unsigned certain = Bits(NotEqual(w.a, zero) & NotEqual(w.b, zero) & NotEqual(w.c, zero));
     for (unsigned first = 0; first < 8; first += 4) {
@@ -248,7 +258,7 @@ KDRAY_INLINE void VisitFours(const KernelJob& job, const LeafBlock& block, unsig
 /// WatertightIntersection<double>, four triangles at once, with the mesh's own vertices.
 template <class Keep, class Stored>
 struct DoubleSearch : Keep {
-  using Keep::cull, Keep::Offer;
+  using Keep::cull, Keep::Offer, Keep::New;
   DoubleRay exact;
 
   void Begin(const KernelJob& job, const LocalRay& local, std::size_t at) {
@@ -259,7 +269,7 @@ struct DoubleSearch : Keep {
 
   KDRAY_INLINE void Test(const KernelJob& job, const LeafBlock& block, unsigned lanes) {
     VisitFours<Stored>(
-        job, block, FilterRelaxed(cull, block) & lanes,
+        job, block, New(job, block, FilterRelaxed(cull, block) & lanes),
         [&](const auto& corner_at, const PrimitiveId* ids, unsigned four) KDRAY_LAMBDA {
           DoubleDecision decision;
           exact.Decide(corner_at, &decision);

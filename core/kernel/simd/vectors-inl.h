@@ -141,6 +141,15 @@ KDRAY_INLINE M8 NotEqual(F8 a, F8 b) { return {S8((a < b) | (a > b))}; }
 
 #endif
 
+/// The lanes that are equal.
+KDRAY_INLINE unsigned EqualLanes(I8 a, I8 b) {
+#if defined(KDRAY_ISA_AVX512)
+  return _mm256_cmpeq_epi32_mask(__m256i(a), __m256i(b));
+#else
+  return Bits(M8{S8(a == b)});
+#endif
+}
+
 // ---- Compress: the lanes whose bits are set, moved down; the others' places hold anything ----
 
 #if defined(KDRAY_ISA_AVX512)
