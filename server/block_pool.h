@@ -23,7 +23,7 @@ namespace kdray::server {
 class BlockPool final : public api::BlockSource {
  public:
   static constexpr std::size_t kBlockBytes = std::size_t{4} << 20;
-  static constexpr std::chrono::milliseconds kIdleTime{1000};
+  static constexpr std::chrono::milliseconds kIdleTime{5000};
 
   /// Keeps at most `most_bytes`.
   explicit BlockPool(std::uint64_t most_bytes, std::chrono::milliseconds idle_time = kIdleTime);
