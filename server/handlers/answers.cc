@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "api/names.h"
 #include "core/base/hash.h"
 
 namespace kdray::server {
@@ -142,6 +143,14 @@ HttpResponse JsonAnswer(int status, std::string json) {
   response.body = std::move(json);
   response.headers.Add("Content-Type", "application/json");
   return response;
+}
+
+void AddBatchHeaders(HttpResponse& response, api::BatchType type, api::Precision precision,
+                     std::size_t invalid) {
+  response.headers.Add("Content-Type", api::ContentType(type));
+  response.headers.Add("Vary", "Accept");
+  response.headers.Add("Kdray-Precision", api::Name(precision));
+  response.headers.Add("Kdray-Invalid", std::to_string(invalid));
 }
 
 }  // namespace kdray::server

@@ -8,6 +8,8 @@
 #include <string>
 #include <string_view>
 
+#include "api/batch_type.h"
+#include "api/types.h"
 #include "server/handler.h"
 #include "server/handlers/request_cost.h"
 
@@ -58,5 +60,10 @@ bool ClientHas(const HttpRequest& request, std::string_view etag);
 HttpResponse NotModified(const HandlerContext& context, std::string_view etag, Caching caching);
 
 HttpResponse JsonAnswer(int status, std::string json);
+
+/// The headers of every batch's answer: its form, the precision that was used, and the number of
+/// invalid rows.
+void AddBatchHeaders(HttpResponse& response, api::BatchType type, api::Precision precision,
+                     std::size_t invalid);
 
 }  // namespace kdray::server

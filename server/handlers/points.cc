@@ -3,15 +3,14 @@
 
 #include <cstdint>
 #include <span>
-#include <string>
 #include <utility>
 
-#include "api/names.h"
 #include "api/point_codec.h"
 #include "api/request_codec.h"
 #include "server/handlers/answers.h"
 #include "server/handlers/batch_memory.h"
 #include "server/handlers/computation.h"
+#include "server/handlers/point_batch.h"
 
 namespace kdray::server {
 namespace {
@@ -25,40 +24,35 @@ api::Outcome<HttpResponse> AnswerPoints(
                                                       const api::PointOptions&, const CancelToken&,
                                                       const LoadedTree::PutRows<Row>&) const) {
   if (!options) return options.problem();
-  if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
   const WorkOfBody work_of_body = WorkOfPoints();
-  auto body = ReadWholeBody(context, routed, context.limits.MaxBatchBytes(), work_of_body);
-  if (!body) return std::move(body).problem();
-  const HttpHeaders& headers = routed.http.headers;
-  const auto type = api::DetectBatchType(body->text, headers.Find("Content-Type"));
-  if (!type) return type.problem();
-  const auto answer_type = api::ChooseAnswerType(headers.Find("Accept"), *type);
-  if (!answer_type) return answer_type.problem();
+  auto batch = ReadPointBatch(context, routed, work_of_body);
+  if (!batch) return std::move(batch).problem();
+  RequestBody& body = batch->body;
 
   const TimeLimit limit{.ms = options->deadline_ms,
                         .default_ms = api::PointOptions().deadline_ms,
                         .parameter = "deadline_ms"};
   const auto computation =
-      BeginComputation(context, routed, TreeUse::kRays, limit, work_of_body(body->text.size()));
+      BeginComputation(context, routed, TreeUse::kRays, limit, work_of_body(body.text.size()));
   if (!computation) return computation.problem();
   const api::ShouldStop should_stop = [&cancel = computation->cancel] {
     return cancel.ShouldStop();
   };
-  const std::size_t body_bytes = body->text.size();
-  BatchMemory memory(std::move(body->share), api::ErrorCode::kTooManyRays);
+  const std::size_t body_bytes = body.text.size();
+  BatchMemory memory(std::move(body.share), api::ErrorCode::kTooManyRays);
   const Stopwatch parsing;
   const auto points =
-      api::DecodePoints(body->text, *type, context.limits,
+      api::DecodePoints(body.text, batch->type, context.limits,
                         {.should_stop = should_stop, .run = {}, .charge = memory.charge()});
   if (!points) return should_stop() ? limit.Explain(computation->WhyStopped()) : points.problem();
-  body->text = {};  // only the rows are needed from here on
+  body.text = {};  // only the rows are needed from here on
   memory.Return(body_bytes);
   routed.timing.parse_ms = parsing.ms();
 
   if (auto problem = memory.Charge(MemoryOfBlock(points->size(), 1))) return *std::move(problem);
   double encode_ms = 0;
   api::Check full;
-  api::PointWriter writer(*points, *options, *answer_type, memory.charge());
+  api::PointWriter writer(*points, *options, batch->answer_type, memory.charge());
   const auto put = [&](std::span<const Row> rows) {
     if (full) return;
     const Stopwatch encoding;
@@ -80,10 +74,7 @@ api::Outcome<HttpResponse> AnswerPoints(
   HttpResponse response;
   response.body = HttpBody(*std::move(pieces), std::move(memory).Keep(bytes));
   routed.timing.encode_ms = encode_ms + finishing.ms();
-  response.headers.Add("Content-Type", api::ContentType(*answer_type));
-  response.headers.Add("Vary", "Accept");
-  response.headers.Add("Kdray-Precision", api::Name(report->precision));
-  response.headers.Add("Kdray-Invalid", std::to_string(report->invalid.size()));
+  AddBatchHeaders(response, batch->answer_type, report->precision, report->invalid.size());
   SetCaching(response, context, Caching::kNever);
   return response;
 }

@@ -7,7 +7,6 @@
 
 #include "api/batch_codec.h"
 #include "api/json_text.h"
-#include "api/names.h"
 #include "api/request_codec.h"
 #include "server/handlers/answers.h"
 #include "server/handlers/batch_memory.h"
@@ -129,10 +128,7 @@ api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequ
   for (const api::ByteBlock& piece : *pieces) bytes += piece.capacity();
   response.body = HttpBody(*std::move(pieces), std::move(memory).Keep(bytes));
   routed.timing.encode_ms = report->encode_ms + finishing.ms();
-  response.headers.Add("Content-Type", api::ContentType(*answer_type));
-  response.headers.Add("Vary", "Accept");
-  response.headers.Add("Kdray-Precision", api::Name(report->precision));
-  response.headers.Add("Kdray-Invalid", std::to_string(report->invalid.size()));
+  AddBatchHeaders(response, *answer_type, report->precision, report->invalid.size());
   if (query.lists) {
     response.headers.Add("Kdray-Truncated", std::to_string(report->truncated.size()));
   }

@@ -6,12 +6,12 @@
 #include <utility>
 
 #include "api/json_text.h"
-#include "api/names.h"
 #include "api/request_codec.h"
 #include "api/visibility_codec.h"
 #include "server/handlers/answers.h"
 #include "server/handlers/batch_memory.h"
 #include "server/handlers/computation.h"
+#include "server/handlers/point_batch.h"
 
 namespace kdray::server {
 namespace {
@@ -25,34 +25,29 @@ constexpr std::uint64_t kPairBytes = 8;
 api::Outcome<HttpResponse> PostVisibility(const HandlerContext& context, RoutedRequest& routed) {
   const auto options = api::DecodeVisibilityOptions(routed.http.query_string, context.limits);
   if (!options) return options.problem();
-  if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
   const WorkOfBody work_of_body = WorkOfVisibility(*options, context.limits.max_rays);
-  auto body = ReadWholeBody(context, routed, context.limits.MaxBatchBytes(), work_of_body);
-  if (!body) return std::move(body).problem();
-  const HttpHeaders& headers = routed.http.headers;
-  const auto type = api::DetectBatchType(body->text, headers.Find("Content-Type"));
-  if (!type) return type.problem();
-  const auto answer_type = api::ChooseAnswerType(headers.Find("Accept"), *type);
-  if (!answer_type) return answer_type.problem();
-  if (auto problem = api::CheckAnswerType(*options, *answer_type)) return *std::move(problem);
+  auto batch = ReadPointBatch(context, routed, work_of_body);
+  if (!batch) return std::move(batch).problem();
+  RequestBody& body = batch->body;
+  if (auto problem = api::CheckAnswerType(*options, batch->answer_type)) return *std::move(problem);
 
   const TimeLimit limit{.ms = options->deadline_ms,
                         .default_ms = api::VisibilityOptions().deadline_ms,
                         .parameter = "deadline_ms"};
   const auto computation =
-      BeginComputation(context, routed, TreeUse::kRays, limit, work_of_body(body->text.size()));
+      BeginComputation(context, routed, TreeUse::kRays, limit, work_of_body(body.text.size()));
   if (!computation) return computation.problem();
   const api::ShouldStop should_stop = [&cancel = computation->cancel] {
     return cancel.ShouldStop();
   };
-  const std::size_t body_bytes = body->text.size();
-  BatchMemory memory(std::move(body->share), api::ErrorCode::kTooManyRays);
+  const std::size_t body_bytes = body.text.size();
+  BatchMemory memory(std::move(body.share), api::ErrorCode::kTooManyRays);
   const Stopwatch parsing;
   const auto sets =
-      api::DecodePointSets(body->text, *type, *options, context.limits,
+      api::DecodePointSets(body.text, batch->type, *options, context.limits,
                            {.should_stop = should_stop, .run = {}, .charge = memory.charge()});
   if (!sets) return should_stop() ? limit.Explain(computation->WhyStopped()) : sets.problem();
-  body->text = {};  // only the points are needed from here on
+  body.text = {};  // only the points are needed from here on
   memory.Return(body_bytes);
   routed.timing.parse_ms = parsing.ms();
 
@@ -66,17 +61,15 @@ api::Outcome<HttpResponse> PostVisibility(const HandlerContext& context, RoutedR
   routed.rows = sets->from.size() * sets->to.size();
 
   const Stopwatch encoding;
-  std::string bytes = api::EncodeVisibility(*answer, *sets, *options, *answer_type, should_stop);
+  std::string bytes =
+      api::EncodeVisibility(*answer, *sets, *options, batch->answer_type, should_stop);
   if (bytes.empty()) return limit.Explain(computation->WhyStopped());
   HttpResponse response;
   const std::uint64_t answer_bytes = bytes.size();
   response.body = std::move(bytes);
   response.body.Own(std::move(memory).Keep(answer_bytes));
   routed.timing.encode_ms = encoding.ms();
-  response.headers.Add("Content-Type", api::ContentType(*answer_type));
-  response.headers.Add("Vary", "Accept");
-  response.headers.Add("Kdray-Precision", api::Name(answer->precision));
-  response.headers.Add("Kdray-Invalid", std::to_string(answer->invalid.size()));
+  AddBatchHeaders(response, batch->answer_type, answer->precision, answer->invalid.size());
   if (answer->offset) response.headers.Add("Kdray-Offset", api::NumberText(*answer->offset));
   SetCaching(response, context, Caching::kNever);
   return response;
