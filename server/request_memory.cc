@@ -59,7 +59,7 @@ bool RequestMemory::Borrow(std::uint64_t needed, std::unique_lock<std::mutex>* l
   return true;
 }
 
-// A body that began now would be the newest: nobody gives way to it.
+// A body that began now would be the newest, so no other body gives way to it.
 api::Check RequestMemory::CheckBody(std::uint64_t bytes) const {
   if (bytes > MostBodyBytes()) {
     return NeverFits(bytes, MostBodyBytes(), api::ErrorCode::kBodyTooLarge);

@@ -70,8 +70,8 @@ class RequestMemory {
     void ShrinkTo(std::uint64_t bytes) {
       if (bytes < bytes_) memory_->Return(std::exchange(bytes_, bytes) - bytes);
     }
-    /// Adds `bytes`, or fails without a change: with `never` if so many can never be held together,
-    /// with memory_full if they are not free now.
+    /// Adds `bytes`, or fails without a change: with `never` if they exceed what requests may ever
+    /// hold, with memory_full if they are not free now.
     api::Check Grow(std::uint64_t bytes, api::ErrorCode never);
     ~Share() {
       if (memory_ != nullptr) memory_->Return(bytes_);

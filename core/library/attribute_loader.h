@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The attributes of meshes (core/io/mesh_attributes.h) are read from the stored files when somebody
-// first needs them: once for all who ask, in memory that is reserved.
+// The attributes of meshes (core/io/mesh_attributes.h) are read from the stored files when they
+// are first needed: once for all that ask, in memory that is reserved.
 #pragma once
 
 #include <atomic>
@@ -40,8 +40,8 @@ class AttributeLoader {
   /// the same time share one reading, which belongs to none of them: it ends early only when all of
   /// them have left.
   ///
-  /// Nobody waits for memory here, because the caller holds a tree that others may wait for.
-  /// Errors: kMemoryFull when the memory is not free now; kMeshTooLarge if it could never be;
+  /// A request does not wait for memory here, because the caller holds a tree that others may wait
+  /// for. Errors: kMemoryFull when the memory is not free now; kMeshTooLarge if it could never be;
   /// kCorrupt if the stored file is damaged; those of ReadAttributes; kDeadlineExceeded and
   /// kCancelled by `cancel`, and kCancelled after Stop. `file_bytes`: the size of the mesh's file.
   Result<TreeCache::AttributesPointer> Load(const Sha256Digest& mesh, std::uint64_t file_bytes,

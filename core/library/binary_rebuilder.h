@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Binary trees are dropped once their wide trees are made. Cells and counted steps need them, so
-// they are made again when somebody asks: once for all who ask, in memory that is reserved.
+// they are made again on request: once for all that ask, in memory that is reserved.
 #pragma once
 
 #include <atomic>
@@ -33,8 +33,8 @@ class BinaryRebuilder {
   /// ends early only when all of them have left. It reserves the estimate of a build, and gives it
   /// back at its end; what the tree keeps was charged when the tree was loaded
   /// (Tree::most_bytes). A rebuild that needs more than the limit leaves beside its own mesh and
-  /// tree reserves all the rest, so every tree that is in memory has cells. Nobody waits for memory
-  /// here, because the caller holds a tree that others may wait for.
+  /// tree reserves all the rest, so every tree that is in memory has cells. A request does not wait
+  /// for memory here, because the caller holds a tree that others may wait for.
   ///
   /// Errors: kMemoryFull when the memory is not free now; kDeadlineExceeded and kCancelled by
   /// `cancel`, and kCancelled after Stop.

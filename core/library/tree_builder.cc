@@ -7,7 +7,7 @@
 namespace kdray::core {
 namespace {
 
-// Loads are short and somebody waits for them.
+// Loads are short, and requests wait for them.
 WorkQueue::Lane LaneOf(const TreeTask& task) {
   return task.kind == TreeTask::Kind::kLoad ? WorkQueue::Lane::kLoad : WorkQueue::Lane::kBuild;
 }
@@ -61,7 +61,7 @@ Result<LoadedScene> TreeBuilder::Load(const TreeTask& task, const TreeRecord& re
 
 // Records durably that this start resumes the build, before it does, so the next start knows it if
 // the build ends the process. False if the build should not run: its tree was removed, or the disk
-// failed and nobody has asked for the tree.
+// failed and no request has asked for the tree.
 bool TreeBuilder::CountResume(const TreeTask& task, bool* is_counted) {
   const std::lock_guard files_lock(parts_.mesh_locks->Of(task.id.mesh));
   std::optional<TreeRecord> record = parts_.registry->RecordOf(task);

@@ -199,7 +199,7 @@ class TreeRegistry {
   std::optional<TreeRecord> RecordOf(const TreeTask& task) const;
   /// The new count of resumes is on disk.
   bool NoteResumed(const TreeTask& task, std::uint32_t resumed);
-  /// The count of resumes could not be written. The task ends, unless somebody has asked for the
+  /// The count of resumes could not be written. The task ends, unless a request has asked for the
   /// tree.
   bool NoteResumeRefused(const TreeTask& task);
   void NoteParsed(const TreeTask& task, const MeshFacts& facts);

@@ -36,7 +36,7 @@ bool TreeRegistry::NoteResumeRefused(const TreeTask& task) {
   Entry* entry = EntryOf(task);
   if (entry == nullptr) return false;
   if (entry->task->is_asked_for_) return true;
-  EndTask(entry, std::nullopt, std::nullopt);  // nobody waits for it
+  EndTask(entry, std::nullopt, std::nullopt);  // no request waits for it
   return false;
 }
 

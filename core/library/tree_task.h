@@ -25,8 +25,8 @@ class TreeTask {
  public:
   enum class Kind : std::uint8_t {
     kLoad,    ///< the tree was ready before
-    kBuild,   ///< somebody has asked for a tree that is due
-    kResume,  ///< a build that an earlier process began; nobody need have asked for it
+    kBuild,   ///< a request has asked for a tree that is due
+    kResume,  ///< a build that an earlier process began; perhaps without a request
   };
   TreeTask(const TreeId& tree, Kind task_kind, MemoryCharge admission)
       : id(tree), kind(task_kind), admission_(std::move(admission)) {}

@@ -14,8 +14,8 @@ namespace kdray::core {
 /// A waiter takes free memory whenever it fits, so small work passes large work that waits. Large
 /// work gets turns: the waiter that has waited longest, and at least `patience`, gets a turn of
 /// `turn`, during which no other takes memory, so returned memory adds up for it. If a turn was not
-/// enough, the next waiter gets one, and this one again after `patience`. Nobody waits longer than
-/// `give_up`, and at most `most_waiting` wait. Not safe from several threads.
+/// enough, the next waiter gets one, and this one again after `patience`. No waiter waits longer
+/// than `give_up`, and at most `most_waiting` wait. Not safe from several threads.
 class WaitingLine {
  public:
   using Clock = std::chrono::steady_clock;

@@ -56,7 +56,7 @@ class BlobStore {
   BlobStore(FileSystem* file_system, std::filesystem::path directory);
 
   /// Makes the folder if need be and removes temporary files that a crash left. Call before the
-  /// first Create, while nobody else uses the folder.
+  /// first Create, while no other thread uses the folder.
   Status Open();
   /// Names are plain file names that do not begin with a dot.
   Result<std::vector<FileInfo>> List() const;
