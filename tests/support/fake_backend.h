@@ -140,7 +140,11 @@ class FakeBackend final : public server::Backend, public FakeWork {
     return std::nullopt;
   }
 
-  server::BackendCounters counters() const override { return {.builds = 7}; }
+  server::BackendCounters counters() const override {
+    server::BackendCounters values;
+    values.builds = 7;
+    return values;
+  }
 
   void Shutdown() override { was_shut_down = true; }
 
