@@ -123,8 +123,11 @@ class SharedModelTest : public SharedLibraryTest {
     std::map<TreeId, int> listed;
     for (const core::TreeInfo& info : *trees) ++listed[info.record.id];
     for (const TreeId& id : ids_) {
-      if (model_[id] == Is::kAbsent) EXPECT_EQ(listed[id], 0);
-      if (model_[id] == Is::kThere) EXPECT_EQ(listed[id], 1);
+      if (model_[id] == Is::kAbsent) {
+        EXPECT_EQ(listed[id], 0);
+      } else if (model_[id] == Is::kThere) {
+        EXPECT_EQ(listed[id], 1);
+      }
     }
   }
   void SetFaults(std::uint64_t seed) {
