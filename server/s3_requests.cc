@@ -148,11 +148,6 @@ struct S3Requests::State {
   State(std::string bucket, SettingsSource source, AwsSettings settings)
       : bucket_(std::move(bucket)), source_(std::move(source)), settings_(std::move(settings)) {}
 
-  AwsSettings settings() const {
-    const std::lock_guard lock(mutex_);
-    return settings_;
-  }
-
   // Amazon's buckets have hosts of their own. Other services, and names with dots, which no
   // certificate covers, have the bucket in the path.
   std::string UrlOf(const S3Request& request, const AwsSettings& settings) const {
@@ -170,16 +165,23 @@ struct S3Requests::State {
     return url;
   }
 
-  bool ReadSettingsAgain() {
+  bool RenewCredentials(const S3Answer& answer) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (version_ != answer.settings) return true;
+    }
     Result<AwsSettings> settings = source_();
     if (!settings.ok()) return false;
     const std::lock_guard lock(mutex_);
+    if (version_ != answer.settings) return true;
     const AwsCredentials& old = settings_.credentials;
     const AwsCredentials& now = settings->credentials;
     const bool has_changed = old.key_id != now.key_id || old.secret != now.secret ||
                              old.session_token != now.session_token;
+    if (!has_changed) return false;
     settings_ = *std::move(settings);
-    return has_changed;
+    ++version_;
+    return true;
   }
 
   Line TakeLine() {
@@ -200,7 +202,13 @@ struct S3Requests::State {
 
   Result<S3Answer> Send(const S3Request& request, const CancelToken& cancel) {
     if (cancel.ShouldStop()) return cancel.ToError();
-    const AwsSettings settings = this->settings();
+    S3Answer answer;
+    AwsSettings settings;
+    {
+      const std::lock_guard lock(mutex_);
+      settings = settings_;
+      answer.settings = version_;
+    }
     Line line = TakeLine();
     CURL* const easy = line.easy.get();
     if (easy == nullptr || line.multi == nullptr) {
@@ -209,7 +217,6 @@ struct S3Requests::State {
     const std::string url = UrlOf(request, settings);
     const std::string scope = "aws:amz:" + settings.region + ":s3";
     HeaderList headers = HeadersOf(request, settings);
-    S3Answer answer;
     Transfer transfer{&request, &answer, easy};
 
     curl_easy_reset(easy);
@@ -302,7 +309,8 @@ struct S3Requests::State {
 
   mutable std::mutex mutex_;
   AwsSettings settings_;
-  std::vector<Line> lines_;  // that no request uses
+  std::uint64_t version_ = 0;  // of settings_
+  std::vector<Line> lines_;    // that no request uses
 };
 
 Status S3Requests::Start() {
@@ -326,6 +334,8 @@ Result<S3Answer> S3Requests::Send(const S3Request& request, const CancelToken& c
   return state_->Send(request, cancel);
 }
 
-bool S3Requests::ReadSettingsAgain() { return state_->ReadSettingsAgain(); }
+bool S3Requests::RenewCredentials(const S3Answer& answer) {
+  return state_->RenewCredentials(answer);
+}
 
 }  // namespace kdray::server

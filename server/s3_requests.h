@@ -38,6 +38,7 @@ struct S3Answer {
   std::string etag;
   std::string length;
   std::string modified;
+  std::uint64_t settings = 0;  ///< which settings signed the request
 };
 
 /// Safe from many threads at once.
@@ -55,8 +56,9 @@ class S3Requests {
   /// than it should be; kStoreFull for an invalid certificate; kCancelled, kDeadlineExceeded.
   core::Result<S3Answer> Send(const S3Request& request, const core::CancelToken& cancel);
 
-  /// Whether there are other credentials now.
-  bool ReadSettingsAgain();
+  /// Whether there are other credentials than those which signed the request of `answer`. Reads the
+  /// settings again, unless that was done since.
+  bool RenewCredentials(const S3Answer& answer);
 
  private:
   struct State;

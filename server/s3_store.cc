@@ -258,7 +258,7 @@ class S3Store final : public core::ObjectStore {
     }
     if ((code == "ExpiredToken" || code == "InvalidAccessKeyId" || code == "TokenRefreshRequired" ||
          code == "InvalidToken") &&
-        requests_.ReadSettingsAgain()) {
+        requests_.RenewCredentials(answer)) {
       return core::StoreIsAway("the credentials have expired: " + what);
     }
     if (answer.status == 404 && code != "NoSuchBucket") {
