@@ -11,10 +11,6 @@ namespace kdray::server {
 
 using api::Problem;
 
-// A client that has its answer may ask again before the answer's memory is returned. So a request
-// that does not fit waits this long for it.
-constexpr std::chrono::milliseconds kSettleTime(20);
-
 api::Outcome<RequestMemory::Share> RequestMemory::Take(std::uint64_t bytes, api::ErrorCode never) {
   if (auto problem = Charge(bytes, bytes, never)) return *std::move(problem);
   return Share(this, bytes);
@@ -38,7 +34,7 @@ api::Check RequestMemory::Charge(std::uint64_t bytes, std::uint64_t total, api::
   while (!fits()) {
     if (needed() <= MostBytes() && Borrow(needed(), &lock)) continue;
     if (std::exchange(has_waited, true)) return FullLocked(bytes);
-    returned_.wait_for(lock, kSettleTime, fits);
+    returned_.wait_for(lock, settle_time_, fits);
   }
   UseLocked(bytes);
   return std::nullopt;
@@ -66,7 +62,7 @@ api::Check RequestMemory::CheckBody(std::uint64_t bytes) const {
   }
   std::unique_lock lock(mutex_);
   const auto fits = [&] { return FitsBodyLocked(bytes, bytes); };
-  if (!returned_.wait_for(lock, kSettleTime, fits)) return FullLocked(bytes);
+  if (!returned_.wait_for(lock, settle_time_, fits)) return FullLocked(bytes);
   return std::nullopt;
 }
 
@@ -145,7 +141,7 @@ bool RequestMemory::Grow(Body::Held* body, std::uint64_t bytes) {
     return body->refused || FitsBodyLocked(bytes, total) ||
            (newer_bytes() != 0 && FitsBodyLocked(bytes, total, newer_bytes()));
   };
-  if (!returned_.wait_for(lock, kSettleTime, has_room) || body->refused) return false;
+  if (!returned_.wait_for(lock, settle_time_, has_room) || body->refused) return false;
   if (!FitsBodyLocked(bytes, total)) {
     while (!FitsBodyLocked(bytes, total) && std::next(body->place) != bodies_.end()) {
       const std::shared_ptr<Body::Held> newest = std::move(bodies_.back());

@@ -46,13 +46,20 @@ namespace kdray::server {
 /// Safe from many threads at once.
 class RequestMemory {
  public:
+  struct Times {
+    /// How long a call waits for memory that is about to be returned: a client that has its answer
+    /// may ask again before.
+    std::chrono::milliseconds settle{20};
+    std::chrono::milliseconds pool_idle = BlockPool::kIdleTime;
+  };
   /// `lender`, which must outlive this object, is the budget of trees; null: nothing is borrowed.
-  /// `idle_time` is that of the pool.
-  explicit RequestMemory(std::uint64_t own_bytes, core::MemoryBudget* lender = nullptr,
-                         std::chrono::milliseconds idle_time = BlockPool::kIdleTime)
+  explicit RequestMemory(std::uint64_t own_bytes, core::MemoryBudget* lender = nullptr)
+      : RequestMemory(own_bytes, lender, Times()) {}
+  RequestMemory(std::uint64_t own_bytes, core::MemoryBudget* lender, Times times)
       : own_(own_bytes),
         lender_(lender),
-        pool_(std::min(own_bytes / 8, kMostKeptBytes), idle_time) {}
+        settle_time_(times.settle),
+        pool_(std::min(own_bytes / 8, kMostKeptBytes), times.pool_idle) {}
 
   /// A part of the budget, returned when destroyed.
   class Share {
@@ -201,6 +208,7 @@ class RequestMemory {
 
   const std::uint64_t own_;
   core::MemoryBudget* const lender_;
+  const std::chrono::milliseconds settle_time_;
   mutable std::mutex mutex_;
   mutable std::condition_variable returned_;  // memory came back
   std::uint64_t used_ = 0;

@@ -55,7 +55,7 @@ TEST(RequestMemory, RefusesWorkThatDoesNotFitNow) {
 
 // A client has its answer before the answer's memory is returned, and asks again.
 TEST(RequestMemory, WaitsForMemoryThatIsAboutToBeReturned) {
-  RequestMemory memory(kOwn);
+  RequestMemory memory(kOwn, nullptr, {.settle = std::chrono::seconds(10)});
   for (int round = 0; round < 3; ++round) {
     std::optional<Share> sent = TakeIfFree(memory, 5000);
     std::jthread sender([&] {
@@ -314,7 +314,7 @@ TEST(RequestMemory, ADroppedBodyGivesItsBlocksBackAtOnce) {
 }
 
 TEST(RequestMemory, BlocksThatNobodyUsesGiveWayToRequests) {
-  RequestMemory memory(16 * kBlock, nullptr, std::chrono::hours(1));
+  RequestMemory memory(16 * kBlock, nullptr, {.pool_idle = std::chrono::hours(1)});
   {
     Body body(&memory);
     for (int i = 0; i < 6; ++i) ASSERT_FALSE(body.AddBlock());
