@@ -167,7 +167,9 @@ void SharedTrees::Adopt(const SharedStore::Found& found) {
   const TreeRecord& record = found.record;
   TreeRegistry::NewTree tree(record);
   const std::lock_guard files_lock(parts_.mesh_locks->Of(record.id.mesh));
-  if (parts_.registry->FindRecord(record.id)) return;
+  // Known, or its build has just failed here for good, and the store is about to learn of it.
+  const Status known = parts_.registry->Check(record.id);
+  if (known.ok() || known.error().code != ErrorCode::kNotFound) return;
   const bool is_mesh_here = parts_.registry->HasSoundMesh(record.id.mesh) &&
                             parts_.store->HasMesh(record.id.mesh, record.mesh_bytes);
   if (is_mesh_here) (void)parts_.store->SaveRecord(record);
