@@ -11,7 +11,7 @@ WORKDIR /src
 COPY server/dependencies.sh server/
 RUN server/dependencies.sh build && rm -rf /var/lib/apt/lists/*
 COPY . .
-RUN cmake/build.sh release kdrayd kdray && cd build/release/bin && strip kdrayd kdray kdray-draco
+RUN cmake/build.sh release kdrayd kdray && strip build/release/bin/kdrayd build/release/bin/kdray
 
 FROM ${BASE:-debian:bookworm-slim}
 COPY server/dependencies.sh /tmp/
@@ -22,8 +22,7 @@ LABEL org.opencontainers.image.title="kdray" \
     org.opencontainers.image.description="Ray queries and renders over triangle meshes, by HTTP" \
     org.opencontainers.image.version="0.1.0" \
     org.opencontainers.image.licenses="Apache-2.0"
-COPY --from=build /src/build/release/bin/kdrayd /src/build/release/bin/kdray \
-    /src/build/release/bin/kdray-draco /usr/local/bin/
+COPY --from=build /src/build/release/bin/kdrayd /src/build/release/bin/kdray /usr/local/bin/
 # Detects a missing library here, not at the first start.
 RUN kdrayd --version && kdray --version
 USER kdray

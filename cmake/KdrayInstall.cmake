@@ -6,8 +6,6 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 install(TARGETS kdrayd kdray RUNTIME COMPONENT kdray)
-# Beside the programs, where the daemon looks for it (core/io/draco_process.h).
-install(TARGETS kdray-draco RUNTIME DESTINATION "${CMAKE_INSTALL_LIBEXECDIR}/kdray" COMPONENT kdray)
 
 # ---- the library ----
 set(config_dir "${CMAKE_INSTALL_LIBDIR}/cmake/kdray")

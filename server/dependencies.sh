@@ -26,7 +26,6 @@ libcli11-dev
 libcpp-httplib-dev
 libcurl4-openssl-dev
 libdeflate-dev
-libdraco-dev
 libgmp-dev
 libmeshoptimizer-dev
 libpugixml-dev
@@ -76,8 +75,8 @@ END
       ;;
     run)
       case $(release) in
-        12) echo libcpp-httplib0.11 libcurl4 libdraco7 libspdlog1.10 libssl3 ;;
-        *) echo libcpp-httplib0.18 libcurl4t64 libdraco8 libspdlog1.15 libssl3t64 ;;
+        12) echo libcpp-httplib0.11 libcurl4 libspdlog1.10 libssl3 ;;
+        *) echo libcpp-httplib0.18 libcurl4t64 libspdlog1.15 libssl3t64 ;;
       esac | tr ' ' '\n'
       cat <<'END'
 libcairo2

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-LAYERS = ("codec", "core", "api", "server", "clients")
+LAYERS = ("core", "api", "server", "clients")
 # Headers that are installed are included by the names that they have then.
 INSTALLED = {"kdray/": "clients/cpp/client/include/kdray/"}
 LIBRARIES = {
@@ -22,7 +22,6 @@ LIBRARIES = {
     "libdeflate": r"libdeflate",
     "zlib": r"zlib",
     "libzstd": r"zstd",
-    "Draco": r"draco/",
     "meshoptimizer": r"meshoptimizer",
     "nlohmann-json": r"nlohmann/",
     "cpp-httplib": r"httplib",

@@ -100,7 +100,7 @@ GltfAccessors::GltfAccessors(const GltfDocument& document,
                              std::uint64_t file_bytes, CancelPoll* poll)
     : document_(document), buffers_(document, binary, poll), file_bytes_(file_bytes), poll_(poll) {}
 
-Status GltfAccessors::CheckType(std::uint64_t number, GltfUse use) const {
+Status GltfAccessors::Check(std::uint64_t number, GltfUse use) {
   const std::string pointer = GltfPointer("accessors", number);
   if (number >= document_.accessors.size()) {
     return AtPointer(pointer, "does not exist; the file has " +
@@ -113,18 +113,7 @@ Status GltfAccessors::CheckType(std::uint64_t number, GltfUse use) const {
                                   std::to_string(accessor.components) + " of them; allowed for " +
                                   std::string(NameOf(use)) + " are " + Allowed(use));
   }
-  return {};
-}
-
-std::uint64_t GltfAccessors::ElementBytes(const GltfAccessor& accessor) {
-  return accessor.components * SizeOf(accessor.type);
-}
-
-Status GltfAccessors::Check(std::uint64_t number, GltfUse use) {
-  if (Status status = CheckType(number, use); !status.ok()) return status;
-  const std::string pointer = GltfPointer("accessors", number);
-  const GltfAccessor& accessor = document_.accessors[number];
-  const std::uint64_t element_bytes = ElementBytes(accessor);
+  const std::uint64_t element_bytes = accessor.components * SizeOf(accessor.type);
   const bool is_needed = use == GltfUse::kPosition || use == GltfUse::kIndices;
   const auto part = [&](const char* name) { return GltfBuffers::User{pointer + name, is_needed}; };
   if (accessor.view) {
@@ -133,7 +122,8 @@ Status GltfAccessors::Check(std::uint64_t number, GltfUse use) {
     if (!status.ok()) return status;
   } else if (!accessor.sparse && is_needed) {
     return AtPointer(pointer, "has no bufferView and no sparse values, so there are no data for " +
-                                  std::string(NameOf(use)));
+                                  std::string(NameOf(use)) +
+                                  " (meshes that only Draco data have are not read)");
   } else if (accessor.count > file_bytes_) {
     return AtPointer(pointer, "has " + std::to_string(accessor.count) +
                                   " elements of value 0 without a bufferView; at most the file's " +

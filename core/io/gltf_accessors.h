@@ -34,10 +34,7 @@ class GltfAccessors {
   /// Whether the accessor has a legal type for its use, and all its elements lie in its views and
   /// buffers, which will be decoded. kInvalidMesh with the JSON pointer.
   Status Check(std::uint64_t accessor, GltfUse use);
-  /// Whether the accessor exists and has a legal type for its use.
-  Status CheckType(std::uint64_t accessor, GltfUse use) const;
-  static std::uint64_t ElementBytes(const GltfAccessor& accessor);
-  /// Of an accessor that passed one of the two.
+  /// Of an accessor that passed Check.
   std::uint64_t CountOf(std::uint64_t accessor) const {
     return document_.accessors[accessor].count;
   }
@@ -65,16 +62,6 @@ class GltfAccessors {
       visit(static_cast<std::size_t>(i), values.Get(k));
     }
     return true;
-  }
-  /// The same for elements of an accessor's type and count that are elsewhere, one after another.
-  template <class Visit>
-  bool ForEachOf(std::uint64_t number, const std::byte* first, const Visit& visit) const {
-    const GltfAccessor& accessor = document_.accessors[number];
-    constexpr std::uint64_t kElementWork = 64;
-    const Elements elements{first, ElementBytes(accessor), accessor.type, accessor.components,
-                            accessor.normalized};
-    return PolledLoop(accessor.count, kElementWork, poll_,
-                      [&](std::size_t i) { visit(i, elements.Get(i)); });
   }
   const Error& error() const { return error_; }
 

@@ -19,7 +19,6 @@ using Json = nlohmann::json;
 
 constexpr const char* kQuantization = "KHR_mesh_quantization";
 constexpr const char* kMeshopt = "EXT_meshopt_compression";
-constexpr const char* kDraco = "KHR_draco_mesh_compression";
 
 // A JSON value and where it stands. The pointer is made only for an error.
 struct Place {
@@ -158,9 +157,9 @@ class DocumentReader {
       note(place);
       if (!place.value->is_string()) return Fail(place, "is not a string");
       const auto name = place.value->get<std::string>();
-      if (name == kQuantization || name == kMeshopt || name == kDraco) return;
+      if (name == kQuantization || name == kMeshopt) return;
       Fail(place, "the file needs the extension " + Quoted(name) + ", which is not read; " +
-                      kQuantization + ", " + kMeshopt + " and " + kDraco + " are");
+                      kQuantization + " and " + kMeshopt + " are");
     });
   }
 
@@ -299,26 +298,7 @@ class DocumentReader {
       primitive.color = Uint(*attributes, "COLOR_0");
     }
     primitive.indices = Uint(place, "indices");
-    if (const std::optional<Place> extensions = Find(place, "extensions")) {
-      if (const std::optional<Place> draco = Find(*extensions, kDraco)) {
-        primitive.draco = static_cast<std::uint32_t>(document_.dracos.size());
-        AddDraco(*draco);
-      }
-    }
     document_.primitives.push_back(primitive);
-  }
-
-  void AddDraco(const Place& place) {
-    GltfDracoData data;
-    data.view = NeedUint(place, "bufferView");
-    if (const std::optional<Place> ids = Find(place, "attributes")) {
-      data.attributes = ids->value->size();
-      data.position = Uint(*ids, "POSITION");
-      data.normal = Uint(*ids, "NORMAL");
-      data.uv = Uint(*ids, "TEXCOORD_0");
-      data.color = Uint(*ids, "COLOR_0");
-    }
-    document_.dracos.push_back(data);
   }
 
   void AddNode(const Place& place) {

@@ -101,15 +101,6 @@ enum class GltfMode : std::uint8_t {
 struct GltfPrimitive {
   GltfMode mode = GltfMode::kTriangles;
   std::optional<std::uint64_t> position, normal, uv, color, indices;
-  std::optional<std::uint32_t> draco;  ///< in GltfDocument::dracos
-};
-
-/// The compressed data of a primitive (KHR_draco_mesh_compression): their view, and the ids of
-/// their attributes.
-struct GltfDracoData {
-  std::uint64_t view = 0;
-  std::uint64_t attributes = 0;  ///< how many there are
-  std::optional<std::uint64_t> position, normal, uv, color;
 };
 
 struct GltfMesh {
@@ -129,7 +120,6 @@ struct GltfDocument {
   std::vector<GltfView> views;
   std::vector<GltfAccessor> accessors;
   std::vector<GltfPrimitive> primitives;
-  std::vector<GltfDracoData> dracos;
   std::vector<GltfMesh> meshes;
   std::vector<GltfNode> nodes;
   std::vector<std::uint64_t> links;  ///< numbers of nodes

@@ -15,7 +15,6 @@
 #include "core/io/gltf_accessors.h"
 #include "core/io/gltf_container.h"
 #include "core/io/gltf_document.h"
-#include "core/io/gltf_draco.h"
 #include "core/io/mesh_error.h"
 #include "core/io/parse_text.h"
 #include "core/io/vertex_check.h"
@@ -100,7 +99,6 @@ class SceneReader {
         sink_(options.attributes),
         cancel_(options.cancel),
         accessors_(document, container.binary, file_bytes, &cancel_),
-        draco_(document, options.attributes, &accessors_, &cancel_),
         meshes_(document.meshes.size()) {
     counts_.other_bytes = document_bytes;
     data_.format = container.is_glb ? MeshFormat::kGlb : MeshFormat::kGltf;
@@ -185,7 +183,7 @@ class SceneReader {
       return Error{ErrorCode::kEmptyMesh, "the scene of the glTF file has no triangle"};
     }
     counts_.other_bytes += accessors_.buffers().DecodedBytes() +
-                           most_corners_ * sizeof(std::uint32_t) + most_draco_bytes_ +
+                           most_corners_ * sizeof(std::uint32_t) +
                            2 * instances_.size() * sizeof(Instance);
     if (sink_ != nullptr) {
       const auto values = [&](bool has) { return has ? counts_.vertices : 0; };
@@ -218,7 +216,11 @@ class SceneReader {
       if (!primitive.position) {
         return AtPointer(PartPointer(instance.mesh, i), "the attribute POSITION is missing");
       }
-      if (Status status = CheckNumbers(instance, i); !status.ok()) return status;
+      Status status = accessors_.Check(*primitive.position, GltfUse::kPosition);
+      if (status.ok() && primitive.indices) {
+        status = accessors_.Check(*primitive.indices, GltfUse::kIndices);
+      }
+      if (!status.ok()) return status;
       Part part{&primitive, i, accessors_.CountOf(*primitive.position)};
       part.corners = primitive.indices ? accessors_.CountOf(*primitive.indices) : part.vertices;
       part.triangles = TrianglesOf(primitive.mode, part.corners);
@@ -246,27 +248,9 @@ class SceneReader {
     return {};
   }
 
-  // The numbers that triangles need.
-  Status CheckNumbers(const Instance& instance, std::uint32_t number) {
-    const GltfRange range = document_.meshes[instance.mesh].primitives;
-    const GltfPrimitive& primitive = document_.primitives[range.first + number];
-    if (primitive.draco) {
-      Status status = draco_.Check(primitive, PartPointer(instance.mesh, number));
-      if (status.ok()) most_draco_bytes_ = std::max(most_draco_bytes_, draco_.Bytes(primitive));
-      return status;
-    }
-    Status status = accessors_.Check(*primitive.position, GltfUse::kPosition);
-    if (!status.ok() || !primitive.indices) return status;
-    return accessors_.Check(*primitive.indices, GltfUse::kIndices);
-  }
-
   // Whether the sink wants a kind that the primitive has, valid and for every vertex.
   bool Finds(const std::optional<std::uint64_t>& accessor, AttributeKind kind, GltfUse use,
              const Part& part) {
-    if (part.primitive->draco && draco_.Has(*part.primitive, use)) {
-      return sink_ != nullptr && sink_->Wants(kind) &&
-             accessors_.CountOf(*accessor) == part.vertices;
-    }
     return sink_ != nullptr && sink_->Wants(kind) && accessor &&
            accessors_.Check(*accessor, use).ok() && accessors_.CountOf(*accessor) >= part.vertices;
   }
@@ -288,18 +272,14 @@ class SceneReader {
   }
 
   Status ReadPart(const Instance& instance, const Part& part) {
-    if (part.primitive->draco) {
-      Status status = draco_.Decode(*part.primitive, PartPointer(instance.mesh, part.number));
-      if (!status.ok()) return status;
-    }
     const std::size_t first = data_.vertices.size();
     data_.vertices.resize(first + part.vertices);
-    const bool all = ForEachValue(part, part.primitive->position, GltfUse::kPosition,
-                                  [&](std::size_t i, const GltfElement& element) {
-                                    const Vec3d vertex = instance.transform(ToVec3(element));
-                                    data_.vertices[first + i] = vertex;
-                                    all_valid_ = all_valid_ && IsValidVertex(vertex);
-                                  });
+    const bool all = accessors_.ForEach(*part.primitive->position,
+                                        [&](std::size_t i, const GltfElement& element) {
+                                          const Vec3d vertex = instance.transform(ToVec3(element));
+                                          data_.vertices[first + i] = vertex;
+                                          all_valid_ = all_valid_ && IsValidVertex(vertex);
+                                        });
     if (!all) return WhyStopped();
     if (sink_ != nullptr) ReadAttributesOf(instance, part);
     if (Status status = ReadCorners(instance, part); !status.ok()) return status;
@@ -319,25 +299,12 @@ class SceneReader {
     return cancel_.ToStatus();
   }
 
-  // The elements of an accessor, wherever they are.
-  template <class Visit>
-  bool ForEachValue(const Part& part, const std::optional<std::uint64_t>& accessor, GltfUse use,
-                    const Visit& visit) {
-    if (part.primitive->draco && draco_.Has(*part.primitive, use))
-      return draco_.ForEach(use, visit);
-    return accessors_.ForEach(*accessor, visit);
-  }
-
   Status WhyStopped() const { return cancel_.stopped() ? cancel_.ToError() : accessors_.error(); }
 
   Status ReadCorners(const Instance& instance, const Part& part) {
     if (!part.primitive->indices) return {};
     corners_.resize(part.corners);
     std::optional<std::size_t> wrong;
-    if (part.primitive->draco) {
-      PolledLoop(part.corners, 2, &cancel_, [&](std::size_t i) { corners_[i] = draco_.Corner(i); });
-      return cancel_.ToStatus();  // the decoder has checked them
-    }
     const bool all = accessors_.ForEach(*part.primitive->indices,
                                         [&](std::size_t i, const GltfElement& element) {
                                           corners_[i] = static_cast<std::uint32_t>(element[0]);
@@ -362,7 +329,7 @@ class SceneReader {
       if (!has_any) return;
       values_.assign(part.vertices, Vec3d{kNan, kNan, kNan});
       if (Finds(accessor, kind, use, part)) {
-        (void)ForEachValue(part, accessor, use, [&](std::size_t i, const GltfElement& element) {
+        (void)accessors_.ForEach(*accessor, [&](std::size_t i, const GltfElement& element) {
           if (i < part.vertices) values_[i] = ToVec3(element);
         });
       }
@@ -419,14 +386,12 @@ class SceneReader {
   AttributeSink* sink_;  // or null
   CancelPoll cancel_;
   GltfAccessors accessors_;
-  GltfDraco draco_;
   std::vector<Instance> instances_;
   std::vector<MeshParts> meshes_;
   MeshCounts counts_;
   MeshData data_;
   std::uint64_t most_corners_ = 0;   // of a primitive with indices
   std::uint64_t most_vertices_ = 0;  // of a primitive
-  std::uint64_t most_draco_bytes_ = 0;
   std::vector<std::uint32_t> corners_;
   bool all_valid_ = true;  // the coordinates of all vertices
   bool has_uv_ = false;    // a primitive of the scene, and the sink wants it

@@ -17,11 +17,10 @@ namespace kdray::core {
 ///
 /// Triangle i of a strip is (i, i + 1, i + 2), or (i, i + 2, i + 1) for odd i, and of a fan
 /// (0, i + 1, i + 2). Points and lines are skipped; a rest of one or two indices after the last
-/// triangle counts as a dropped face. Reads KHR_mesh_quantization, EXT_meshopt_compression,
-/// KHR_draco_mesh_compression (which has precedence over the accessors' own data) and sparse
-/// accessors; an accessor without any data is an error for positions and indices, though glTF means
-/// zeros; ignores skins, morph targets, cameras and everything else. No other file is opened and no
-/// address is asked for: a buffer elsewhere is an error.
+/// triangle counts as a dropped face. Reads KHR_mesh_quantization, EXT_meshopt_compression and
+/// sparse accessors; an accessor without any data is an error for positions and indices, though
+/// glTF means zeros; ignores skins, morph targets, cameras and everything else. No other file is
+/// opened and no address is asked for: a buffer elsewhere is an error.
 ///
 /// Nodes form trees: one that is reached twice is an error, so a small file cannot have more
 /// triangles than its nodes times its primitives. What it has is reported to `on_counts` before

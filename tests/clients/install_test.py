@@ -79,7 +79,7 @@ class InstallTest(unittest.TestCase):
 
     def test_everything_is_where_its_readers_look(self):
         files = self.files()
-        for name in ("bin/kdrayd", "bin/kdray", "libexec/kdray/kdray-draco", "lib/systemd/system/kdrayd.service", "lib/sysusers.d/kdray.conf",
+        for name in ("bin/kdrayd", "bin/kdray", "lib/systemd/system/kdrayd.service", "lib/sysusers.d/kdray.conf",
                      "etc/default/kdrayd", "share/man/man1/kdray.1.gz", "share/man/man8/kdrayd.8.gz",
                      "share/bash-completion/completions/kdray", "share/zsh/vendor-completions/_kdray",
                      "share/fish/vendor_completions.d/kdray.fish", "share/doc/kdray/examples/haproxy.cfg",

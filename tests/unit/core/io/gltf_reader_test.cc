@@ -213,11 +213,11 @@ TEST(GltfReader, ReadsQuantizedPositionsWhereTheExtensionIsNamed) {
 
 TEST(GltfReader, NamesARequiredExtensionThatItDoesNotRead) {
   GltfParts parts;
-  parts.more = R"("extensionsRequired": ["KHR_mesh_quantization", "KHR_meshopt_compression"], )";
+  parts.more = R"("extensionsRequired": ["KHR_mesh_quantization", "KHR_draco_mesh_compression"], )";
   const Error error = MustRefuse(parts.Text());
   EXPECT_EQ(error.code, ErrorCode::kInvalidMesh);
   EXPECT_THAT(error.message, HasSubstr("/extensionsRequired/1"));
-  EXPECT_THAT(error.message, HasSubstr("'KHR_meshopt_compression'"));
+  EXPECT_THAT(error.message, HasSubstr("'KHR_draco_mesh_compression'"));
 }
 
 TEST(GltfReader, SaysWhereABrokenFileIsWrong) {
