@@ -36,32 +36,31 @@ void ReadHalves(const char* data, T t_min, T t_max, std::span<T> numbers) {
   using Bits = std::conditional_t<sizeof(T) == 4, std::int32_t, std::int64_t>;
   using Mask [[gnu::vector_size(4 * sizeof(T))]] = Bits;
   constexpr Mask kVector = {-1, -1, -1, 0};
-  const auto load = [](const char* from) {
-    Mask half;
-    std::memcpy(&half, from, sizeof(half));
-    return half;
-  };
+  // Vectors are not returned: without AVX, that would be another calling convention.
+  const auto load = [](const char* from, Mask* half) { std::memcpy(half, from, sizeof(*half)); };
   // The first three of `vector`, and the last of `interval`.
-  const auto join = [](Mask vector, Mask interval) {
-    return (vector & kVector) | (interval & ~kVector);
+  const auto store_joined = [](const Mask& vector, const Mask& interval, T* out) {
+    const Mask half = (vector & kVector) | (interval & ~kVector);
+    std::memcpy(out, &half, sizeof(half));
   };
   const Half first = {0, 0, 0, t_min}, last = {0, 0, 0, t_max};
   Mask least, most;
   std::memcpy(&least, &first, sizeof(least));
   std::memcpy(&most, &last, sizeof(most));
   for (T *out = numbers.data(), *end = out + numbers.size(); out != end; out += kRayNumbers) {
-    Mask origin, direction;
+    Mask origin, direction, middle;
+    load(data, &origin);
     if constexpr (kColumns == 8) {
-      const Mask middle = load(data + 3 * sizeof(T));  // dx dy dz t_min
-      origin = join(load(data), middle);
-      direction = join(middle, load(data + 4 * sizeof(T)));
+      load(data + 3 * sizeof(T), &middle);  // dx dy dz t_min
+      load(data + 4 * sizeof(T), &direction);
+      store_joined(origin, middle, out);
+      store_joined(middle, direction, out + 4);
     } else {
-      const Mask rest = load(data + 2 * sizeof(T));  // oz dx dy dz
-      origin = join(load(data), least);
-      direction = join(__builtin_shufflevector(rest, rest, 1, 2, 3, 0), most);
+      load(data + 2 * sizeof(T), &middle);  // oz dx dy dz
+      direction = __builtin_shufflevector(middle, middle, 1, 2, 3, 0);
+      store_joined(origin, least, out);
+      store_joined(direction, most, out + 4);
     }
-    std::memcpy(out, &origin, sizeof(origin));
-    std::memcpy(out + 4, &direction, sizeof(direction));
     data += kColumns * sizeof(T);
   }
 }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/process_values.h"
 
+#include <dirent.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <filesystem>
 #include <fstream>
-#include <system_error>
+#include <memory>
 
 namespace kdray::server {
 namespace {
@@ -27,12 +27,16 @@ double CpuSeconds() {
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
+// Not by std::filesystem::directory_iterator: GCC's calls std::terminate when memory runs out.
 std::uint64_t OpenDescriptors() {
-  std::error_code error;
-  std::filesystem::directory_iterator entry("/proc/self/fd", error);
+  const auto close = [](DIR* folder) { closedir(folder); };
+  const std::unique_ptr<DIR, decltype(close)> folder(opendir("/proc/self/fd"), close);
+  if (folder == nullptr) return 0;
   std::uint64_t count = 0;
-  for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error)) ++count;
-  return count == 0 ? 0 : count - 1;  // one is the directory's
+  while (const dirent* entry = readdir(folder.get())) {
+    if (entry->d_name[0] != '.') ++count;
+  }
+  return count == 0 ? 0 : count - 1;  // one is the folder's
 }
 
 std::uint64_t MaxDescriptors() {

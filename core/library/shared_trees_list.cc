@@ -114,12 +114,12 @@ Result<std::vector<TreeInfo>> SharedTrees::ListOf(const Sha256Digest& mesh) {
     if (!found.ok()) return Unanswered(found.error());
     if (*found) entries.push_back({(*found)->record.created_ms, id, (*found)->generation});
   }
+  using Listed = SharedStore::Listed;
+  std::sort(entries.begin(), entries.end(), [](const Listed& a, const Listed& b) {
+    return std::pair(-a.created_ms, a.id) < std::pair(-b.created_ms, b.id);
+  });
   Result<std::vector<TreeInfo>> trees = Describe(std::move(entries));
   if (!trees.ok()) return Unanswered(trees.error());
-  std::sort(trees->begin(), trees->end(), [](const TreeInfo& a, const TreeInfo& b) {
-    return std::pair(-a.record.created_ms, a.record.id) <
-           std::pair(-b.record.created_ms, b.record.id);
-  });
   return trees;
 }
 

@@ -147,13 +147,24 @@ class StoreTest(unittest.TestCase):
                 self.store.fault = self.every_second(fault)
                 status, tree = self.first.upload(bytes_of_mesh)
                 self.assertEqual(status, 201, tree)
-                status, answer = self.second.trace(tree["id"])
+                status, answer = self.trace_again(self.second, tree["id"])
                 self.assertEqual(status, 200, answer)
-                self.assertEqual(answer, self.first.trace(tree["id"])[1])
+                self.assertEqual(answer, self.trace_again(self.first, tree["id"])[1])
                 status, _, body = self.second.ask("GET", f"/v1/trees/{tree['id']}/mesh")
                 self.assertEqual(body, bytes_of_mesh)
                 self.assertEqual(self.second.ask("DELETE", f"/v1/trees/{tree['id']}")[0], 204)
                 self.assertEqual(self.second.trace(tree["id"])[0], 404)
+
+    @staticmethod
+    def trace_again(server, tree):
+        """As trace. Requests of the other server for the same object may put the faults of this
+        one's first request and of its repetition side by side: it says 503 and is asked again."""
+        for _ in range(5):
+            status, answer = server.trace(tree)
+            if status != 503:
+                break
+            time.sleep(0.2)
+        return status, answer
 
     @staticmethod
     def every_second(fault):
