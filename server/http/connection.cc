@@ -131,8 +131,11 @@ void Connection::BeginBody(std::optional<std::uint64_t> bytes, const PaceLimit& 
   body_left_ = bytes.value_or(0);
   body_bytes_ = 0;
   body_failed_ = false;
-  chunks_.reset();
-  if (!bytes) chunks_.emplace();
+  if (bytes) {
+    chunks_.reset();
+  } else {
+    chunks_ = ChunkedFraming();
+  }
   read_pace_ = Pace(pace);
 }
 
