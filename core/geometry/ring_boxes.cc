@@ -74,7 +74,10 @@ void RingBoxes::Build(std::vector<std::uint32_t> corners, Over over) {
       for (std::uint32_t k = first; k < first + count; ++k) leaf_of_[corners_[k]] = i;
       continue;
     }
-    if (meter_->Spend(20 * std::uint64_t{count})) return;
+    if (meter_->Spend(20 * std::uint64_t{count})) {
+      Clear();  // not all corners have a leaf, and Remove() relies on it
+      return;
+    }
     const auto middle_of = [&](std::uint32_t corner, bool by_x) {
       const Box box = BoxOf(corner);
       // Halves first: the sum of two large numbers might overflow.

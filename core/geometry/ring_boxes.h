@@ -25,7 +25,7 @@ class RingBoxes {
   RingBoxes(const Ring* ring, CutMeter* meter) : ring_(ring), meter_(meter) {}
 
   /// Rebuilds the tree over these corners, or over the edges that begin there. O(n log n).
-  /// Incomplete if the meter stops.
+  /// Empty if the meter stops.
   void Build(std::vector<std::uint32_t> corners, Over over);
   std::size_t built_size() const { return corners_.size(); }
   void Clear();
@@ -72,6 +72,7 @@ class RingBoxes {
 
 template <class F>
 void RingBoxes::Visit(const Triangle2& triangle, F&& visit) const {
+  if (nodes_.empty()) return;
   const auto [a, b, c] = triangle;
   const Box bounds = {{std::min({a.x, b.x, c.x}), std::min({a.y, b.y, c.y})},
                       {std::max({a.x, b.x, c.x}), std::max({a.y, b.y, c.y})}};
