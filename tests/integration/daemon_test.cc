@@ -227,7 +227,7 @@ TEST_F(DaemonProcess, GoesOnLoggingWhenItsLogIsReadAgain) {
     ask();
   }
   daemon.Signal(SIGTERM);
-  EXPECT_EQ(daemon.WaitForExit(std::chrono::seconds(3)), 0);
+  EXPECT_EQ(daemon.WaitForExit(std::chrono::seconds(20)), 0);
   int next = 0, dropped = 0;
   std::istringstream lines(daemon.errors());
   json object;
@@ -254,7 +254,7 @@ TEST_F(DaemonProcess, OutlivesTheReaderOfItsLog) {
     ASSERT_EQ(MustAnswer(port, MakeRequest("GET", "/healthz")).status, 200);
   }
   daemon.Signal(SIGTERM);
-  EXPECT_EQ(daemon.WaitForExit(std::chrono::seconds(3)), 0);
+  EXPECT_EQ(daemon.WaitForExit(std::chrono::seconds(20)), 0);
 }
 
 TEST_F(DaemonProcess, LogsAClientThatLeavesAsThat) {

@@ -87,9 +87,6 @@ TEST_F(LibraryPromiseTest, AnUploadRestoresWhatVanishedBehindTheLibrarysBack) {
 
 TEST_F(LibraryPromiseTest, ABrokenMeshWhoseRecordStaysKeepsItsFileUntilBothCanGo) {
   const auto bytes = Bytes("hello, world, this is no mesh at all\n");
-  auto upload = library_->BeginUpload(bytes.size());
-  ASSERT_TRUE(upload.ok());
-  ASSERT_TRUE(upload->Append(bytes).ok());
   // The disk takes the upload, and nothing after it.
   std::uint64_t operations = 0;
   {
