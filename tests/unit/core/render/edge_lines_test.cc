@@ -57,7 +57,8 @@ class Lines {
     const Vec3d d = Normalized(point - camera_.eye);
     const double azimuth = std::atan2(Dot(d, camera_.right), Dot(d, camera_.forward));
     const double elevation = std::asin(Dot(d, camera_.upward));
-    return At(static_cast<int>((azimuth / camera_.h_fov + 0.5) * kWidth),
+    // The last column ends where the first begins.
+    return At(static_cast<int>((azimuth / camera_.h_fov + 0.5) * kWidth) % kWidth,
               static_cast<int>((0.5 - elevation / camera_.v_fov) * kHeight));
   }
 
