@@ -57,9 +57,10 @@ class Lines {
     const Vec3d d = Normalized(point - camera_.eye);
     const double azimuth = std::atan2(Dot(d, camera_.right), Dot(d, camera_.forward));
     const double elevation = std::asin(Dot(d, camera_.upward));
-    // The last column ends where the first begins.
+    // The last column ends where the first begins, and the last row ends straight down.
+    const int y = static_cast<int>((0.5 - elevation / camera_.v_fov) * kHeight);
     return At(static_cast<int>((azimuth / camera_.h_fov + 0.5) * kWidth) % kWidth,
-              static_cast<int>((0.5 - elevation / camera_.v_fov) * kHeight));
+              std::min(y, kHeight - 1));
   }
 
   // From a point to the nearest of some, in the image, pixels; not spherical.
