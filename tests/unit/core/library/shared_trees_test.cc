@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <memory>
 #include <string>
 #include <thread>
 #include <vector>
@@ -98,9 +99,8 @@ TEST_F(SharedTreesTest, ATreeInUseIsConfirmedWhileNobodyWaits) {
   Open(1);
   const TreeId id = Add(0, SphereBytes(1));
   EXPECT_EQ(CodeOfLoad(1, id), std::nullopt);
-  std::atomic<bool> is_slow{true};
-  objects_.set_faults([&](Call call, std::string_view) {
-    if (call == Call::kList && is_slow) std::this_thread::sleep_for(milliseconds(60));
+  objects_.set_faults([](Call call, std::string_view) {
+    if (call == Call::kList) std::this_thread::sleep_for(milliseconds(60));
     return Fault::kNone;
   });
   auto slowest = std::chrono::steady_clock::duration::zero();
@@ -111,9 +111,9 @@ TEST_F(SharedTreesTest, ATreeInUseIsConfirmedWhileNobodyWaits) {
     slowest = std::max(slowest, std::chrono::steady_clock::now() - start);
     std::this_thread::sleep_for(milliseconds(2));
   }
-  is_slow = false;
   EXPECT_GE(library(1).counters().shared.lookups, 4u);
   EXPECT_LT(slowest, milliseconds(50)) << "a lookup takes 60 ms";
+  objects_.set_faults({});
 }
 
 TEST_F(SharedTreesTest, AnotherBuildOfAMeshThatOnlyTheStoreHas) {
@@ -335,16 +335,17 @@ TEST_F(SharedTreesTest, ManyWhoAskForOneTreeFetchItOnce) {
 
 TEST_F(SharedTreesTest, ARequestThatIsCancelledDoesNotWaitForTheStore) {
   const TreeId id = Add(0, SphereBytes(1));
-  std::atomic<bool> is_stuck{true};
-  objects_.set_faults([&](Call, std::string_view) {
-    while (is_stuck) std::this_thread::sleep_for(milliseconds(1));
+  // The request may still look at it after the test's end.
+  const auto is_stuck = std::make_shared<std::atomic<bool>>(true);
+  objects_.set_faults([is_stuck](Call, std::string_view) {
+    while (*is_stuck) std::this_thread::sleep_for(milliseconds(1));
     return Fault::kNone;
   });
   const auto start = std::chrono::steady_clock::now();
   EXPECT_EQ(library(1).Load(id, Within(milliseconds(20))).error().code,
             ErrorCode::kDeadlineExceeded);
   EXPECT_LT(std::chrono::steady_clock::now() - start, milliseconds(270));
-  is_stuck = false;
+  *is_stuck = false;
 }
 
 }  // namespace
