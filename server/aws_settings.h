@@ -41,10 +41,10 @@ using Environment = std::function<std::optional<std::string>(const std::string& 
 Environment ProcessEnvironment();
 
 /// From AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_SESSION_TOKEN, AWS_REGION or
-/// AWS_DEFAULT_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL; what is not there from the profile
-/// AWS_PROFILE (`default`) in the files AWS_SHARED_CREDENTIALS_FILE (~/.aws/credentials) and
-/// AWS_CONFIG_FILE (~/.aws/config). Nothing is asked of the network: no instance metadata, no
-/// single sign-on. An error says what is missing, and no secret.
+/// AWS_DEFAULT_REGION, and AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL. What these do not have comes
+/// from the profile AWS_PROFILE (`default`) in the files AWS_SHARED_CREDENTIALS_FILE
+/// (~/.aws/credentials) and AWS_CONFIG_FILE (~/.aws/config). Nothing is asked of the network: no
+/// instance metadata, no single sign-on. An error says what is missing, and no secret.
 core::Result<AwsSettings> ReadAwsSettings(const Environment& environment);
 
 /// Reads the settings, at the start and when the store says that the credentials have expired.

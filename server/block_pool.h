@@ -38,7 +38,7 @@ class BlockPool final : public api::BlockSource {
 
   /// From now on at most `bytes` are kept, and at most what the constructor says.
   void KeepAtMost(std::uint64_t bytes);
-  /// Memory of the blocks that nobody has.
+  /// Bytes of the idle blocks.
   std::uint64_t kept_bytes() const { return kept_bytes_; }
 
  private:

@@ -13,8 +13,8 @@ struct ProcessValues {
   std::uint64_t max_descriptors = 0;  ///< the limit for them
 };
 
-/// A value that cannot be read is 0. Lists the open descriptors, so it takes a millisecond for some
-/// thousands.
+/// A value is 0 if the system does not tell it. Lists the open descriptors: some thousands of them
+/// take a millisecond.
 ProcessValues ReadProcessValues();
 
 }  // namespace kdray::server

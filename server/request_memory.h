@@ -40,8 +40,8 @@ namespace kdray::server {
 /// it, the newest first, if they hold enough; otherwise it fails itself. A dropped body frees its
 /// bytes at once, and its request fails at its next piece.
 ///
-/// Large blocks come from a pool (block_pool.h), which keeps some that nobody uses. Their memory is
-/// in no share: it is given back to the system as soon as requests need as much.
+/// Large blocks come from a pool (block_pool.h), which keeps some idle ones. Idle blocks are in no
+/// share. They go back to the system when requests need their memory.
 ///
 /// Safe from many threads at once.
 class RequestMemory {
@@ -182,12 +182,12 @@ class RequestMemory {
   std::uint64_t used() const;
   /// The part of it that is borrowed.
   std::uint64_t borrowed() const;
-  /// Blocks that nobody uses, which are not in used().
+  /// Bytes of idle blocks. They are not in used().
   std::uint64_t kept() const { return pool_.kept_bytes(); }
 
  private:
   using Bodies = std::list<std::shared_ptr<Body::Held>>;
-  /// Of blocks that nobody uses: what a batch of some million rays takes.
+  /// The most bytes of idle blocks: a batch of about a million rays takes as much.
   static constexpr std::uint64_t kMostKeptBytes = std::uint64_t{64} << 20;
 
   std::uint64_t MostBytes() const { return lender_ == nullptr ? own_ : 2 * own_; }

@@ -44,7 +44,7 @@ std::uint64_t LeastAttributeBytes(const MeshoptForm& form) {
   return 1 + std::max<std::uint64_t>(form.stride, 32) + RoundedUp(form.count, 64) * form.stride;
 }
 
-// The shortest encoding of so many elements.
+// Bytes of the shortest encoding of form.count elements.
 std::uint64_t LeastBytes(const MeshoptForm& form) {
   switch (form.mode) {
     case MeshoptMode::kAttributes:

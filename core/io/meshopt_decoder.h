@@ -33,9 +33,9 @@ struct MeshoptForm {
 /// of a second at most on a processor that decodes 256 MB/s, a tenth of what usual ones do.
 inline constexpr std::uint64_t kMaxMeshoptBytes = std::uint64_t{64} << 20;
 
-/// Why `encoded_bytes` bytes cannot be such a view: its stride, count or filter is not one of the
-/// extension's, or so few bytes cannot encode so many elements. Ends a sentence that begins with
-/// the view. nullopt if nothing speaks against it. O(1).
+/// Why `encoded_bytes` bytes are no such view: the extension does not allow its stride, count or
+/// filter, or the bytes are fewer than its elements need. The text ends a sentence that begins with
+/// the view. nullopt if the view may be decoded. O(1).
 std::optional<std::string> WhyNotMeshopt(const MeshoptForm& form, std::uint64_t encoded_bytes);
 
 /// Decodes a view whose form WhyNotMeshopt accepts into `decoded`, which has form.Bytes() bytes.
