@@ -32,17 +32,20 @@ class Replicas:
     """Context manager: server/deploy/local on a free port.
 
     folder: the data directory, default a temporary one; it has the logs and targets.json.
+    environment: of HAProxy. A test is one client and sends all its load from one address, so the
+    limit of requests is out of its way unless the test sets it.
     """
 
     def __init__(self, kdrayd, number=3, folder=None, options=("--threads", "1"), **environment):
         self._own_folder = folder is None
         self.folder = folder or tempfile.mkdtemp(prefix="kdray-replicas-")
+        inherited = {name: value for name, value in os.environ.items()
+                     if not name.startswith("KDRAY_")}
         self._process = subprocess.Popen(
             [sys.executable, str(ROOT / "server/deploy/local"), "--replicas", str(number), "--port",
              "0", "--data-dir", self.folder, "--kdrayd", kdrayd, "--", *options],
-            stdout=subprocess.PIPE, text=True, env=dict(
-                {name: value for name, value in os.environ.items()
-                 if not name.startswith("KDRAY_")}, **environment))
+            stdout=subprocess.PIPE, text=True,
+            env={**inherited, "KDRAY_CLIENT_REQUESTS": "1000000000", **environment})
         self.processes, self.addresses, self.url = {}, {}, None
         while self.url is None:
             line = self._process.stdout.readline()
@@ -96,8 +99,9 @@ class Replicas:
         self._await(port)
         seen = set()
         while replica not in seen and time.monotonic() < deadline:
-            # Without a mesh in the path, the replicas take turns.
-            seen.add(request(self.port, "GET", "/v1")[1]["kdray-replica"])
+            # Without a mesh in the path, the replicas take turns. HAProxy's own answers name none.
+            seen.add(request(self.port, "GET", "/v1")[1].get("kdray-replica"))
+            time.sleep(0.01)
         if replica not in seen:
             raise RuntimeError(f"{replica} did not come back")
 

@@ -227,6 +227,13 @@ class SettingsTest(unittest.TestCase):
                 connection.close()
             self.answer_of_status(200, replicas.port)
 
+    def test_one_address_has_a_limit_of_requests(self):
+        with Replicas(KDRAYD, 1, KDRAY_CLIENT_REQUESTS="300") as replicas:
+            statuses = []
+            while len(statuses) < 3000 and 429 not in statuses:
+                statuses.append(request(replicas.port, "GET", "/v1")[0])
+            self.assertEqual(statuses, [200] * (len(statuses) - 1) + [429])
+
     def answer_of_status(self, wanted, port):
         """HAProxy counts connections when it accepts and closes them, which may take a moment."""
         deadline = time.monotonic() + BACK_S
