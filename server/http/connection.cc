@@ -24,6 +24,7 @@ constexpr std::size_t kReadBytes = 8 * 1024;
 /// Chunks are often small, so a chunked body is read in pieces of this size.
 constexpr std::size_t kChunkedReadBytes = 64 * 1024;
 constexpr std::size_t kGatherBytes = 16 * 1024;
+constexpr std::uint64_t kMostDroppedBytes = std::uint64_t{1} << 30;  ///< by one system call
 
 /// How long the client's further bytes are dropped before its connection is closed.
 struct Linger {
@@ -50,9 +51,11 @@ bool WaitUntil(int fd, short events, Clock::time_point deadline) {
 bool WouldBlock() { return errno == EAGAIN || errno == EWOULDBLOCK; }
 
 /// recv() that does not block and is retried after signals: bytes, 0 at the end, -1 with errno.
+/// Without `out`, the system drops the bytes instead of copying them (tcp(7), MSG_TRUNC).
 ssize_t Receive(int fd, void* out, std::size_t size) {
+  const int flags = MSG_DONTWAIT | (out == nullptr ? MSG_TRUNC : 0);
   for (;;) {
-    const ssize_t count = recv(fd, out, size, MSG_DONTWAIT);
+    const ssize_t count = recv(fd, out, size, flags);
     if (count >= 0 || errno != EINTR) return count;
   }
 }
@@ -149,11 +152,29 @@ Connection::Read Connection::ReadBody(std::span<std::byte> out, std::size_t* cou
   if (chunks_) {
     read = ReadChunked(out, count);
   } else if (const auto wanted = std::min<std::uint64_t>(out.size(), body_left_); wanted != 0) {
-    read = ReadData(out.first(static_cast<std::size_t>(wanted)), count);
+    read = ReadData(out.data(), static_cast<std::size_t>(wanted), count);
     body_left_ -= *count;
   }
   body_failed_ = read != Read::kDone;
   return read;
+}
+
+Connection::Read Connection::SkipBody() {
+  std::array<std::byte, kChunkedReadBytes> rest;
+  while (!is_body_complete()) {
+    std::size_t count = 0;
+    Read read = Read::kDone;
+    if (chunks_) {
+      read = ReadChunked(rest, &count);
+    } else {
+      read = ReadData(nullptr, static_cast<std::size_t>(std::min(body_left_, kMostDroppedBytes)),
+                      &count);
+      body_left_ -= count;
+    }
+    body_failed_ = read != Read::kDone;
+    if (body_failed_) return read;
+  }
+  return Read::kDone;
 }
 
 // Fills `out` with what has been received, across chunks, because a chunk may have one byte.
@@ -173,7 +194,7 @@ Connection::Read Connection::ReadChunked(std::span<std::byte> out, std::size_t* 
         // A large piece goes past the buffer.
         if (!has_buffered_input() && wanted < kChunkedReadBytes) break;
         std::size_t got = 0;
-        if (const Read read = ReadData(out.subspan(*count, wanted), &got); read != Read::kDone) {
+        if (const Read read = ReadData(&out[*count], wanted, &got); read != Read::kDone) {
           return read;
         }
         chunks_->TakeData(got);
@@ -192,15 +213,17 @@ Connection::Read Connection::ReadChunked(std::span<std::byte> out, std::size_t* 
   return Read::kDone;
 }
 
-// Reads data of the body, at least one byte.
-Connection::Read Connection::ReadData(std::span<std::byte> out, std::size_t* count) {
+// Reads data of the body, at least one byte; drops it if `out` is null.
+Connection::Read Connection::ReadData(std::byte* out, std::size_t size, std::size_t* count) {
   if (has_buffered_input()) {
-    *count = std::min(out.size(), in_.size() - taken_);
-    std::copy_n(reinterpret_cast<const std::byte*>(in_.data()) + taken_, *count, out.data());
+    *count = std::min(size, in_.size() - taken_);
+    if (out != nullptr) {
+      std::copy_n(reinterpret_cast<const std::byte*>(in_.data()) + taken_, *count, out);
+    }
     taken_ += *count;
   } else {
     for (;;) {
-      const ssize_t got = Receive(fd_, out.data(), out.size());
+      const ssize_t got = Receive(fd_, out, size);
       if (got > 0) {
         *count = static_cast<std::size_t>(got);
         break;
@@ -306,9 +329,8 @@ void Connection::CloseGently() {
   if (has_body && !chunks_)
     left = body_left_ - std::min<std::uint64_t>(body_left_, in_.size() - taken_);
   const auto end = Clock::now() + limit.total;
-  std::array<char, 64 * 1024> sink;
   while (left > 0) {
-    const ssize_t count = Receive(fd_, sink.data(), sink.size());
+    const ssize_t count = Receive(fd_, nullptr, kMostDroppedBytes);
     if (count > 0) {
       left -= std::min(left, static_cast<std::uint64_t>(count));
     } else if (count == 0 || !WouldBlock() ||

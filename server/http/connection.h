@@ -72,6 +72,8 @@ class Connection {
   /// Reads some bytes of the body; 0 bytes (with kDone) at its end. kMalformed: a chunked body's
   /// framing is invalid, see body_problem().
   Read ReadBody(std::span<std::byte> out, std::size_t* count);
+  /// Drops the rest of the body. What it returns is as for ReadBody().
+  Read SkipBody();
   /// Whether the whole body has been read, with the end of a chunked one.
   bool is_body_complete() const;
   /// The bytes of the body that have been read, without framing.
@@ -112,7 +114,7 @@ class Connection {
   Read Fill(Clock::time_point deadline);
   Read FillBody();
   Read ReadChunked(std::span<std::byte> out, std::size_t* count);
-  Read ReadData(std::span<std::byte> out, std::size_t* count);
+  Read ReadData(std::byte* out, std::size_t size, std::size_t* count);
   bool Send(std::string_view bytes, bool more);
 
   const int fd_;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/http/exchange.h"
 
-#include <array>
 #include <exception>
 #include <new>
 #include <utility>
@@ -80,14 +79,7 @@ void Exchange::Answer(HttpHandler& handler) {
                     !(connection_.is_body_complete() || can_skip);
 }
 
-bool Exchange::SkipBody() {
-  std::array<std::byte, 64 * 1024> rest;
-  while (!connection_.is_body_complete()) {
-    std::size_t count = 0;
-    if (connection_.ReadBody(rest, &count) != Connection::Read::kDone) return false;
-  }
-  return true;
-}
+bool Exchange::SkipBody() { return connection_.SkipBody() == Connection::Read::kDone; }
 
 HttpRecord Exchange::Record(Clock::time_point start) const {
   HttpRecord record;
