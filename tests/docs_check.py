@@ -6,8 +6,8 @@ Checked in every Markdown file: relative links; paths in `backticks` (with * and
 with a folder of ours or are files of the top level; and shell lines ("$ command") in code blocks:
 scripts must exist and be executable, presets must be defined. A source file in backticks without
 its folder (`ray_order.h`) must exist in some folder. Checked in every source file: a Markdown file
-that a comment points to must exist, and a test of the catalogue (N01 and so on) must stand in
-tests/README.md.
+that a comment points to must exist, a test of the catalogue (N01 and so on) must stand in
+tests/README.md, and a file that begins with #! must be executable.
 """
 import itertools
 import json
@@ -100,6 +100,8 @@ class Checker:
             text = path.read_text()
         except UnicodeDecodeError:
             return
+        if text.startswith("#!"):
+            self.expect(os.access(path, os.X_OK), path.relative_to(ROOT), "a command that cannot be executed")
         for number, line in enumerate(text.splitlines(), 1):
             place = f"{path.relative_to(ROOT)}:{number}"
             for name in re.findall(r"\b[A-Z]{3,}\.md\b", line):
