@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The Kubernetes manifests of server/deploy/kubernetes: kubernetes_test.py KDRAYD
+"""The Kubernetes manifests of server/deploy/kubernetes: kubernetes_test.py KDRAYD FOLDER
 
 Every object is checked against the models that python3-kubernetes generates from the schema of the
-API: unknown fields, wrong types, missing fields. Then what the schema cannot say: privileges,
-probes, labels that must match, options that kdrayd has. Exits with 77 (skipped) without that
-package.
+API: unknown fields, wrong types, missing fields. What kustomize makes of them is checked against
+the schema itself, by kubernetes-models, which npm installs into FOLDER. Then what the schema cannot
+say: privileges, probes, labels that must match, options that kdrayd has. Exits with 77 (skipped)
+without python3-kubernetes.
 """
+import json
 import os
 import re
 import shutil
@@ -21,7 +23,23 @@ import yaml
 ROOT = Path(__file__).resolve().parent.parent
 DEPLOY = ROOT / "server/deploy"
 KDRAYD = sys.argv[1] if len(sys.argv) > 1 else None
+FOLDER = sys.argv[2] if len(sys.argv) > 2 else None
+PACKAGES = {"kubernetes-models": "5.1.0"}
+# Reads a JSON list of objects; prints a line for each that breaks the schema.
+VALIDATE = """
+import { readFileSync } from "node:fs";
+for (const object of JSON.parse(readFileSync(0, "utf8"))) {
+  const path = `kubernetes-models/${object.apiVersion}/${object.kind}`;
+  try {
+    new (await import(path))[object.kind](object).validate();
+  } catch (error) {
+    console.log(`${object.kind} ${object.metadata.name}: ${error.message}`);
+  }
+}
+"""
 MODELS = {
+    ("v1", "ConfigMap"): "V1ConfigMap",
+    ("v1", "Secret"): "V1Secret",
     ("v1", "Service"): "V1Service",
     ("apps/v1", "Deployment"): "V1Deployment",
     ("apps/v1", "StatefulSet"): "V1StatefulSet",
@@ -125,6 +143,72 @@ class SchemaTest(unittest.TestCase):
             faults = broken(change)
             self.assertEqual(len(faults), 1, expected)
             self.assertIn(expected, faults[0])
+
+
+def kustomized(folder=DEPLOY, components=""):
+    """The objects that kubectl makes, with these words in the list of components."""
+    with tempfile.TemporaryDirectory() as copy:
+        shutil.copytree(folder, copy, dirs_exist_ok=True)
+        settings = Path(copy, "kustomization.yaml")
+        text = settings.read_text()
+        assert "\ncomponents: []\n" in text
+        settings.write_text(text.replace("components: []", f"components: [{components}]"))
+        done = subprocess.run(["kubectl", "kustomize", copy], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return list(yaml.safe_load_all(done.stdout))
+
+
+@unittest.skipUnless(shutil.which("kubectl"), "kubectl is not installed")
+class KustomizeTest(unittest.TestCase):
+    def test_the_objects_and_haproxys_settings_are_joined(self):
+        joined = kustomized()
+        self.assertEqual([fault for document in joined for fault in faults_of(document)], [])
+        self.assertEqual(len(joined), len(documents()) + 1)
+        settings, = (d for d in joined if d["kind"] == "ConfigMap")
+        proxy, = (d for d in joined if d["kind"] == "Deployment")
+        self.assertEqual(set(settings["data"]), {"replicas.cfg", "servers.cfg"})
+        self.assertEqual(proxy["spec"]["template"]["spec"]["volumes"][0]["configMap"]["name"],
+                         settings["metadata"]["name"])
+
+    def test_a_shared_store_adds_a_secret_and_a_policy(self):
+        joined = kustomized(components="kubernetes/store")
+        self.assertEqual([fault for document in joined for fault in faults_of(document)], [])
+        self.assertEqual(len(joined), len(documents()) + 3)
+        secret, = (d for d in joined if d["kind"] == "Secret")
+        replicas, = (d for d in joined if d["kind"] == "StatefulSet")
+        container, = replicas["spec"]["template"]["spec"]["containers"]
+        self.assertEqual(container["envFrom"], [{"secretRef": {"name": secret["metadata"]["name"]}}])
+        self.assertRegex(secret["metadata"]["name"], r"^kdray-store-\w+$")
+        self.assertIn("KDRAY_STORE", secret["data"])
+        policy, = (d["spec"] for d in joined if d["metadata"]["name"] == "kdray-store")
+        self.assertEqual(policy["podSelector"], replicas["spec"]["selector"])
+
+    @unittest.skipUnless(FOLDER and shutil.which("npm") and shutil.which("node"),
+                         "npm is not installed")
+    def test_the_schema_of_the_api_accepts_every_object(self):
+        os.makedirs(FOLDER, exist_ok=True)
+        manifest = json.dumps({"private": True, "dependencies": PACKAGES})
+        mark = Path(FOLDER, "installed.json")
+        if not mark.exists() or mark.read_text() != manifest:
+            Path(FOLDER, "package.json").write_text(manifest)
+            ended = subprocess.run(
+                ["npm", "install", "--no-audit", "--no-fund", "--ignore-scripts",
+                 "--no-package-lock", "--fetch-retries", "0"], cwd=FOLDER, capture_output=True)
+            if ended.returncode:
+                self.skipTest("npm could not install kubernetes-models")
+            mark.write_text(manifest)
+        Path(FOLDER, "validate.mjs").write_text(VALIDATE)
+
+        def faults(objects):
+            return subprocess.run(
+                ["node", "validate.mjs"], cwd=FOLDER, input=json.dumps(objects), text=True,
+                capture_output=True, check=True).stdout
+        joined = kustomized(components="kubernetes/store")
+        self.assertEqual(faults(joined), "")
+        broken, = (d for d in joined if d["kind"] == "StatefulSet")
+        broken["spec"]["replicas"] = "3"
+        del broken["spec"]["selector"]
+        self.assertRegex(faults([broken]), "selector.*replicas")
 
 
 class RulesTest(unittest.TestCase):
@@ -247,17 +331,24 @@ class RulesTest(unittest.TestCase):
             for path in generator["files"]:
                 self.assertTrue((DEPLOY / path).is_file(), path)
 
-    @unittest.skipUnless(shutil.which("kubectl"), "kubectl is not installed")
-    def test_kustomize_joins_them(self):
-        done = subprocess.run(["kubectl", "kustomize", DEPLOY], capture_output=True, text=True)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        joined = list(yaml.safe_load_all(done.stdout))
-        self.assertEqual(len(joined), len(documents()) + 1)
-        settings, = (d for d in joined if d["kind"] == "ConfigMap")
-        proxy, = (d for d in joined if d["kind"] == "Deployment")
-        self.assertEqual(set(settings["data"]), {"replicas.cfg", "servers.cfg"})
-        self.assertEqual(proxy["spec"]["template"]["spec"]["volumes"][0]["configMap"]["name"],
-                         settings["metadata"]["name"])
+    def test_the_shared_store_has_known_settings_and_ports(self):
+        folder = DEPLOY / "kubernetes/store"
+        names = set(re.findall(r"^#?([A-Z_]+)=", (folder / "store.env").read_text(), re.MULTILINE))
+        documented = (ROOT / "docs/replicas.md").read_text()
+        for name in names - {"KDRAY_STORE"}:
+            self.assertIn(f"`{name}`", documented)
+        if KDRAYD:
+            text = subprocess.run([KDRAYD, "--help"], capture_output=True, text=True).stdout
+            self.assertIn("Env:KDRAY_STORE", text)
+        policy = yaml.safe_load((folder / "policy.yaml").read_text())
+        self.assertEqual(faults_of(policy), [])
+        self.assertEqual(policy["spec"]["policyTypes"], ["Egress"])
+        self.assertEqual({port["port"] for rule in policy["spec"]["egress"]
+                          for port in rule["ports"]}, {53, 443})
+        # The daemons' own policy lets nothing out, so only this one does.
+        own, = (d["spec"] for d in of_kind("NetworkPolicy") if d["metadata"]["name"] == "kdray")
+        self.assertEqual(own["egress"], [])
+        self.assertEqual(own["podSelector"], policy["spec"]["podSelector"])
 
 
 if __name__ == "__main__":
