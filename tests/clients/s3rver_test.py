@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replicas that share a bucket of s3rver: s3rver_test.py KDRAYD KDRAY FOLDER
+"""Replicas that share a bucket of s3rver, through a proxy with faults: s3rver_test.py KDRAYD KDRAY
+FOLDER
 
 s3rver is an S3 for tests by others. npm installs it into FOLDER. Exits with 77 (skipped) without
 npm or its registry.
@@ -16,7 +17,8 @@ import threading
 import unittest
 from pathlib import Path
 
-from store_replica import Replica, large_mesh, mesh
+from fault_proxy import FaultProxy
+from store_replica import FAULTS, Replica, check_answers, every_second, large_mesh, mesh, no_fault
 
 KDRAYD, FOLDER = sys.argv[1], os.path.abspath(sys.argv[3])
 PACKAGES = {"s3rver": "3.7.1"}
@@ -66,11 +68,13 @@ class S3rverTest(unittest.TestCase):
             port = re.search(r"listening on .*:(\d+)", line)
         # Whatever it logs is read, so it never waits for its reader.
         threading.Thread(target=cls.server.stdout.read, daemon=True).start()
+        cls.proxy = FaultProxy(int(port[1]))
+        cls.addClassCleanup(cls.proxy.__exit__)
         cls.replicas = []
         for _ in range(2):
             cls.replicas.append(Replica(
                 KDRAYD, "s3://meshes/a/prefix", AWS_ACCESS_KEY_ID="S3RVER",
-                AWS_SECRET_ACCESS_KEY="S3RVER", AWS_ENDPOINT_URL=f"http://127.0.0.1:{port[1]}"))
+                AWS_SECRET_ACCESS_KEY="S3RVER", AWS_ENDPOINT_URL=cls.proxy.url))
             cls.addClassCleanup(cls.replicas[-1].close)
 
     def test_uploads_queries_lists_and_deletions(self):
@@ -88,6 +92,15 @@ class S3rverTest(unittest.TestCase):
         self.assertEqual([tree for tree in listed if tree in ids], ids[::-1])
         self.assertEqual(first.ask("DELETE", f"/v1/trees/{ids[0]}")[0], 204)
         self.assertEqual(first.trace(ids[0])[0], 404)
+
+    def test_no_fault_makes_an_answer_wrong(self):
+        try:
+            for i, fault in enumerate(FAULTS):
+                with self.subTest(fault=fault):
+                    self.proxy.fault = every_second(fault)
+                    check_answers(self, *self.replicas, mesh(100 + i))
+        finally:
+            self.proxy.fault = no_fault
 
     def test_a_mesh_in_parts(self):
         body = large_mesh(400_000)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A kdrayd with `--store`, and meshes for it."""
+"""A kdrayd with `--store`, meshes for it, and faults of stores."""
+import hashlib
 import http.client
 import json
 import os
@@ -8,6 +9,7 @@ import shutil
 import struct
 import subprocess
 import tempfile
+import threading
 import time
 
 
@@ -46,6 +48,13 @@ class Replica:
 
     def stop(self):
         self._process.terminate()
+        self._process.wait(timeout=60)
+        self._process.stdout.close()
+        self._log.close()
+
+    def kill(self):
+        """SIGKILL; start() goes on with the same data directory."""
+        self._process.kill()
         self._process.wait(timeout=60)
         self._process.stdout.close()
         self._log.close()
@@ -110,3 +119,51 @@ def within(seconds, condition):
             return False
         time.sleep(0.05)
     return True
+
+
+FAULTS = [("status", 500), ("status", 503), ("slow", 0.3), ("truncate", 0), ("alter", 0),
+          ("drop", 0), ("lose", 0)]
+
+
+def no_fault(method, key, query):
+    return None
+
+
+def every_second(fault):
+    """Each different request has the fault, and its repetition has not."""
+    counts, lock = {}, threading.Lock()
+
+    def decide(method, key, query):
+        with lock:
+            # Altered lists are not what a checksum protects.
+            if fault[0] == "alter" and key == "":
+                return None
+            name = (method, key, query.get("prefix"), query.get("partNumber"))
+            counts[name] = counts.get(name, 0) + 1
+            return fault if counts[name] % 2 == 1 else None
+    return decide
+
+
+def trace_again(server, tree):
+    """As trace. Requests of the other server for the same object may put the faults of this one's
+    first request and of its repetition side by side: it says 503 and is asked again."""
+    for _ in range(5):
+        status, answer = server.trace(tree)
+        if status != 503:
+            break
+        time.sleep(0.2)
+    return status, answer
+
+
+def check_answers(test, first, second, bytes_of_mesh):
+    """One replica takes a mesh, the other answers and deletes it."""
+    status, tree = first.upload(bytes_of_mesh)
+    test.assertEqual(status, 201, tree)
+    test.assertEqual(tree["id"][:64], hashlib.sha256(bytes_of_mesh).hexdigest())
+    status, answer = trace_again(second, tree["id"])
+    test.assertEqual(status, 200, answer)
+    test.assertEqual(answer, trace_again(first, tree["id"])[1])
+    status, _, body = second.ask("GET", f"/v1/trees/{tree['id']}/mesh")
+    test.assertEqual(body, bytes_of_mesh)
+    test.assertEqual(second.ask("DELETE", f"/v1/trees/{tree['id']}")[0], 204)
+    test.assertEqual(second.trace(tree["id"])[0], 404)

@@ -11,13 +11,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 import unittest
 import urllib.parse
 
 import fake_s3
-from store_replica import Replica, environment, large_mesh, mesh, within
+from store_replica import (FAULTS, Replica, check_answers, environment, every_second, large_mesh,
+                           mesh, no_fault, within)
 
 KDRAYD = sys.argv[1]
 # What the contract states (docs/replicas.md), and something for a busy machine.
@@ -43,7 +43,7 @@ class StoreTest(unittest.TestCase):
         cls.number = 0
 
     def setUp(self):
-        self.store.fault = lambda method, key, query: None
+        self.store.fault = no_fault
         type(self).number += 1
         self.mesh = mesh(self.number)
         self.sha = hashlib.sha256(self.mesh).hexdigest()
@@ -139,55 +139,18 @@ class StoreTest(unittest.TestCase):
         self.assertEqual(self.first.ask("DELETE", f"/v1/trees/{known['id']}")[0], 204)
 
     def test_no_fault_of_the_store_makes_an_answer_wrong(self):
-        kinds = [("status", 500), ("status", 503), ("slow", 0.3), ("truncate", 0), ("alter", 0),
-                 ("drop", 0), ("lose", 0)]
-        for i, fault in enumerate(kinds):
+        for i, fault in enumerate(FAULTS):
             with self.subTest(fault=fault):
-                bytes_of_mesh = mesh(3000 + i)
-                self.store.fault = self.every_second(fault)
-                status, tree = self.first.upload(bytes_of_mesh)
-                self.assertEqual(status, 201, tree)
-                status, answer = self.trace_again(self.second, tree["id"])
-                self.assertEqual(status, 200, answer)
-                self.assertEqual(answer, self.trace_again(self.first, tree["id"])[1])
-                status, _, body = self.second.ask("GET", f"/v1/trees/{tree['id']}/mesh")
-                self.assertEqual(body, bytes_of_mesh)
-                self.assertEqual(self.second.ask("DELETE", f"/v1/trees/{tree['id']}")[0], 204)
-                self.assertEqual(self.second.trace(tree["id"])[0], 404)
-
-    @staticmethod
-    def trace_again(server, tree):
-        """As trace. Requests of the other server for the same object may put the faults of this
-        one's first request and of its repetition side by side: it says 503 and is asked again."""
-        for _ in range(5):
-            status, answer = server.trace(tree)
-            if status != 503:
-                break
-            time.sleep(0.2)
-        return status, answer
-
-    @staticmethod
-    def every_second(fault):
-        """Each different request has the fault, and its repetition has not."""
-        counts, lock = {}, threading.Lock()
-
-        def decide(method, key, query):
-            with lock:
-                # Altered lists are not what a checksum protects.
-                if fault[0] == "alter" and key == "":
-                    return None
-                name = (method, key, query.get("prefix"), query.get("partNumber"))
-                counts[name] = counts.get(name, 0) + 1
-                return fault if counts[name] % 2 == 1 else None
-        return decide
+                self.store.fault = every_second(fault)
+                check_answers(self, self.first, self.second, mesh(3000 + i))
 
     def test_a_large_mesh_goes_in_parts(self):
         body = large_mesh(400_000)
         self.assertGreater(len(body), 2 * (8 << 20))
-        self.store.fault = self.every_second(("lose", 0))
+        self.store.fault = every_second(("lose", 0))
         status, tree = self.first.upload(body, "box")
         self.assertEqual(status, 201, tree)
-        self.store.fault = lambda method, key, query: None
+        self.store.fault = no_fault
         sha = hashlib.sha256(body).hexdigest()
         key, = self.keys(f"meshes/{sha}")
         self.assertEqual(self.store.objects[key][0], body)
