@@ -3,15 +3,19 @@
 
 #include <curl/curl.h>
 
-#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdlib>
 #include <cstring>
 #include <ctime>
 #include <mutex>
 #include <new>
 #include <utility>
+#include <vector>
 
 #include "core/base/hash.h"
 #include "core/store/object_store.h"
+#include "server/s3_signature.h"
 
 namespace kdray::server {
 namespace {
@@ -25,8 +29,9 @@ using core::Status;
 constexpr long kConnectMs = 3000;
 // A body does not wait longer for a 100, which not every store sends.
 constexpr long kContinueMs = 100;
-constexpr long kStallSeconds = 5;
 constexpr long kStallBytesPerSecond = 200;
+// S3 allows a difference of 15 minutes. Less than this one comes from the network, not from clocks.
+constexpr std::int64_t kMostClockDifferenceS = 60;
 // Poll interval; a CancelToken has no notification.
 constexpr int kLookAgainMs = 50;
 // A page of 1000 keys has about 400 KiB.
@@ -125,8 +130,15 @@ std::size_t OnHeader(char* data, std::size_t one, std::size_t count, void* conte
   S3Answer& answer = *static_cast<Transfer*>(context)->answer;
   (void)(TakeHeader(line, "etag", &answer.etag) ||
          TakeHeader(line, "content-length", &answer.length) ||
-         TakeHeader(line, "last-modified", &answer.modified));
+         TakeHeader(line, "last-modified", &answer.modified) ||
+         TakeHeader(line, "date", &answer.date));
   return one * count;
+}
+
+std::int64_t MachineNowMs() {
+  return std::chrono::duration_cast<std::chrono::milliseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
 }
 
 Error Altered(const char* what) {
@@ -148,21 +160,29 @@ struct S3Requests::State {
   State(std::string bucket, SettingsSource source, AwsSettings settings)
       : bucket_(std::move(bucket)), source_(std::move(source)), settings_(std::move(settings)) {}
 
+  struct Address {
+    std::string origin;  // as https://host:port
+    std::string host;    // as the header has it
+    std::string path;    // encoded
+    std::string query;   // encoded, without '?'
+    std::string ToUrl() const { return origin + path + (query.empty() ? "" : "?" + query); }
+  };
   // Amazon's buckets have hosts of their own. Other services, and names with dots, which no
   // certificate covers, have the bucket in the path.
-  std::string UrlOf(const S3Request& request, const AwsSettings& settings) const {
-    std::string url = settings.endpoint;
-    if (url.empty()) {
+  Address AddressOf(const S3Request& request, const AwsSettings& settings) const {
+    Address address{settings.endpoint, "", "/" + bucket_ + "/", ToText(request.query)};
+    if (settings.endpoint.empty()) {
       const bool has_dot = bucket_.find('.') != std::string::npos;
       const std::string host = "s3." + settings.region + ".amazonaws.com";
-      url = has_dot ? "https://" + host + "/" + bucket_ : "https://" + bucket_ + "." + host;
-    } else {
-      url += "/" + bucket_;
+      address.origin = "https://" + (has_dot ? "" : bucket_ + ".") + host;
+      if (!has_dot) address.path = "/";
     }
-    url += "/";
-    url += Encoded(request.key, true);
-    if (!request.query.empty()) url += "?" + ToText(request.query);
-    return url;
+    address.path += Encoded(request.key, true);
+    address.host = address.origin.substr(address.origin.find("//") + 2);
+    // Clients do not name the port of the scheme.
+    const std::string_view port = address.origin.starts_with("https:") ? ":443" : ":80";
+    if (address.host.ends_with(port)) address.host.resize(address.host.size() - port.size());
+    return address;
   }
 
   bool RenewCredentials(const S3Answer& answer) {
@@ -214,9 +234,10 @@ struct S3Requests::State {
     if (easy == nullptr || line.multi == nullptr) {
       return Error{ErrorCode::kMemoryFull, "there is no memory for a request to the store"};
     }
-    const std::string url = UrlOf(request, settings);
-    const std::string scope = "aws:amz:" + settings.region + ":s3";
-    HeaderList headers = HeadersOf(request, settings);
+    const Address address = AddressOf(request, settings);
+    const std::string url = address.ToUrl();
+    answer.signed_at_s = NowMs() / 1000;
+    const HeaderList headers = HeadersOf(request, address, settings, answer.signed_at_s);
     Transfer transfer{&request, &answer, easy};
 
     curl_easy_reset(easy);
@@ -225,7 +246,7 @@ struct S3Requests::State {
     curl_easy_setopt(easy, CURLOPT_PATH_AS_IS, 1L);
     curl_easy_setopt(easy, CURLOPT_NOSIGNAL, 1L);
     curl_easy_setopt(easy, CURLOPT_CONNECTTIMEOUT_MS, kConnectMs);
-    curl_easy_setopt(easy, CURLOPT_LOW_SPEED_TIME, kStallSeconds);
+    curl_easy_setopt(easy, CURLOPT_LOW_SPEED_TIME, request.stall_seconds);
     curl_easy_setopt(easy, CURLOPT_LOW_SPEED_LIMIT, kStallBytesPerSecond);
     curl_easy_setopt(easy, CURLOPT_EXPECT_100_TIMEOUT_MS, kContinueMs);
     curl_easy_setopt(easy, CURLOPT_AWS_SIGV4, scope.c_str());
@@ -260,26 +281,39 @@ struct S3Requests::State {
     return answer;
   }
 
-  HeaderList HeadersOf(const S3Request& request, const AwsSettings& settings) const {
-    HeaderList headers;
-    const auto add = [&](const std::string& line) {
-      curl_slist* const longer = curl_slist_append(headers.get(), line.c_str());
-      if (longer == nullptr) throw std::bad_alloc();
-      (void)headers.release();
-      headers.reset(longer);
-    };
-    add("x-amz-content-sha256: " + core::HashBytes(request.body).ToHex());
+  // All headers that libcurl does not make itself, with the signature of them all.
+  static HeaderList HeadersOf(const S3Request& request, const Address& address,
+                              const AwsSettings& settings, std::int64_t now_s) {
+    S3Signable parts{request.method, address.path, address.query, request.headers};
+    std::map<std::string, std::string>& headers = parts.headers;
+    headers["host"] = address.host;
+    headers["x-amz-date"] = AmzDate(now_s);
+    headers["x-amz-content-sha256"] = core::HashBytes(request.body).ToHex();
     if (!settings.credentials.session_token.empty()) {
-      add("x-amz-security-token: " + settings.credentials.session_token);
+      headers["x-amz-security-token"] = settings.credentials.session_token;
     }
-    for (const std::string& line : request.headers) add(line);
-    if (request.has_body) {
-      const bool has_type =
-          std::any_of(request.headers.begin(), request.headers.end(),
-                      [](const auto& h) { return h.starts_with("Content-Type"); });
-      if (!has_type) add("Content-Type: application/octet-stream");
-    }
-    return headers;
+    if (request.has_body) headers.try_emplace("content-type", "application/octet-stream");
+    const std::string signature = S3Authorization(parts, settings.credentials, settings.region);
+
+    HeaderList list;
+    const auto add = [&](const std::string& name, const std::string& value) {
+      curl_slist* const longer = curl_slist_append(list.get(), (name + ": " + value).c_str());
+      if (longer == nullptr) throw std::bad_alloc();
+      (void)list.release();
+      list.reset(longer);
+    };
+    for (const auto& [name, value] : headers) add(name, value);
+    add("authorization", signature);
+    return list;
+  }
+
+  std::int64_t NowMs() const { return MachineNowMs() + clock_offset_ms_; }
+
+  bool FollowClock(const S3Answer& answer) {
+    const std::optional<std::int64_t> date = S3Requests::ParseDate(answer.date);
+    if (!date || std::abs(*date - answer.signed_at_s) <= kMostClockDifferenceS) return false;
+    clock_offset_ms_ = *date * 1000 - MachineNowMs();
+    return true;
   }
 
   /// nullopt if it was cancelled.
@@ -311,6 +345,8 @@ struct S3Requests::State {
   AwsSettings settings_;
   std::uint64_t version_ = 0;  // of settings_
   std::vector<Line> lines_;    // that no request uses
+
+  std::atomic<std::int64_t> clock_offset_ms_{0};  // from this machine's clock to the store's
 };
 
 Status S3Requests::Start() {
@@ -337,5 +373,9 @@ Result<S3Answer> S3Requests::Send(const S3Request& request, const CancelToken& c
 bool S3Requests::RenewCredentials(const S3Answer& answer) {
   return state_->RenewCredentials(answer);
 }
+
+bool S3Requests::FollowClock(const S3Answer& answer) { return state_->FollowClock(answer); }
+
+std::int64_t S3Requests::NowMs() const { return state_->NowMs(); }
 
 }  // namespace kdray::server

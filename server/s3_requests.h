@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Signed requests to a bucket, by libcurl, which no other file knows. server/s3_store.h says what
-// is requested.
+// Signed requests to a bucket, by libcurl, which no other file knows. server/s3_signature.h signs
+// them, server/s3_store.h says what is requested.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,6 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "core/base/cancel.h"
 #include "core/base/result.h"
@@ -22,12 +21,14 @@ namespace kdray::server {
 struct S3Request {
   const char* method = "GET";
   std::string key;  ///< of the object, whole; empty: the bucket itself
-  /// Not encoded. The map sorts them, as the signature wants: libcurl 7.88 does not.
+  /// Not encoded; sorted, as the signature wants.
   std::map<std::string, std::string> query;
   std::span<const std::byte> body;
   bool has_body = false;
-  std::vector<std::string> headers;
-  std::span<std::byte> out;  ///< where the answer's body goes; else to Answer::text
+  std::map<std::string, std::string> headers;  ///< by names in lower case
+  std::span<std::byte> out;                    ///< where the answer's body goes; else to `text`
+  /// A request that moves nearly nothing for this long is given up.
+  long stall_seconds = 5;
 };
 
 struct S3Answer {
@@ -38,7 +39,9 @@ struct S3Answer {
   std::string etag;
   std::string length;
   std::string modified;
-  std::uint64_t settings = 0;  ///< which settings signed the request
+  std::string date;
+  std::uint64_t settings = 0;    ///< which settings signed the request
+  std::int64_t signed_at_s = 0;  ///< the time in its signature, since 1970
 };
 
 /// Safe from many threads at once.
@@ -59,6 +62,13 @@ class S3Requests {
   /// Whether there are other credentials than those which signed the request of `answer`. Reads the
   /// settings again, unless that was done since.
   bool RenewCredentials(const S3Answer& answer);
+
+  /// Requests are signed with the time of the store's clock, as far as it is known: at first, that
+  /// of this machine. If the date of `answer` is more than a minute from the time in its request's
+  /// signature, later requests are signed by the clock of `answer`, and the result is true.
+  bool FollowClock(const S3Answer& answer);
+  /// Milliseconds since 1970, by that clock.
+  std::int64_t NowMs() const;
 
  private:
   struct State;

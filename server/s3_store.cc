@@ -31,6 +31,8 @@ using core::Status;
 using Request = S3Request;
 using Answer = S3Answer;
 
+constexpr long kJoinSeconds = 60;
+
 /// 2026-11-29T11:22:33.000Z; 0 for another text.
 std::int64_t ParseIsoMs(const char* text) {
   std::tm parts{};
@@ -68,13 +70,15 @@ class S3Store final : public core::ObjectStore {
       : prefix_(url.prefix.empty() ? "" : url.prefix + "/"),
         requests_(url.bucket, std::move(source), std::move(settings)) {}
 
+  std::int64_t NowMs() const override { return requests_.NowMs(); }
+
   Result<ObjectPage> List(std::string_view prefix, std::string_view after, std::size_t limit,
                           const CancelToken& cancel) override {
     Request request;
     request.query = {
         {"list-type", "2"}, {"max-keys", std::to_string(limit)}, {"prefix", FullKey(prefix)}};
     if (!after.empty()) request.query["start-after"] = FullKey(after);
-    const Result<Answer> answer = requests_.Send(request, cancel);
+    const Result<Answer> answer = Send(request, cancel);
     if (!answer.ok()) return answer.error();
     if (answer->status != 200) return Refused(*answer);
     pugi::xml_document document;
@@ -98,7 +102,7 @@ class S3Store final : public core::ObjectStore {
     Request request;
     request.method = "HEAD";
     request.key = FullKey(key);
-    const Result<Answer> answer = requests_.Send(request, cancel);
+    const Result<Answer> answer = Send(request, cancel);
     if (!answer.ok()) return answer.error();
     if (answer->status != 200) return Refused(*answer);
     const auto bytes = ParseSize(answer->length);
@@ -113,9 +117,9 @@ class S3Store final : public core::ObjectStore {
     Request request;
     request.key = FullKey(key);
     request.out = out;
-    request.headers.push_back("Range: bytes=" + std::to_string(offset) + "-" +
-                              std::to_string(offset + out.size() - 1));
-    const Result<Answer> answer = requests_.Send(request, cancel);
+    request.headers["range"] =
+        "bytes=" + std::to_string(offset) + "-" + std::to_string(offset + out.size() - 1);
+    const Result<Answer> answer = Send(request, cancel);
     if (!answer.ok()) return answer.error();
     if (answer->status == 416) return Altered("says that the object is shorter");
     // A store may send all of a small object.
@@ -141,7 +145,7 @@ class S3Store final : public core::ObjectStore {
     Request request;
     request.method = "DELETE";
     request.key = FullKey(key);
-    const Result<Answer> answer = requests_.Send(request, cancel);
+    const Result<Answer> answer = Send(request, cancel);
     if (!answer.ok()) return answer.error();
     if (answer->status == 204 || answer->status == 200) return {};
     Error error = Refused(*answer);
@@ -203,7 +207,9 @@ class S3Store final : public core::ObjectStore {
     request.query = {{"uploadId", std::string(upload)}};
     request.body = std::as_bytes(std::span(writer.text));
     request.has_body = true;
-    request.headers.emplace_back("Content-Type: application/xml");
+    request.headers["content-type"] = "application/xml";
+    // S3 joins the parts before it answers.
+    request.stall_seconds = kJoinSeconds;
     const Result<Answer> answer = Write(request, mode, cancel);
     if (!answer.ok()) return answer.error();
     if (answer->status == 412) return AbortParts(key, upload, cancel);
@@ -222,7 +228,7 @@ class S3Store final : public core::ObjectStore {
     request.method = "DELETE";
     request.key = FullKey(key);
     request.query = {{"uploadId", std::string(upload)}};
-    const Result<Answer> answer = requests_.Send(request, cancel);
+    const Result<Answer> answer = Send(request, cancel);
     if (!answer.ok()) return answer.error();
     if (answer->status == 204 || answer->status == 200) return {};
     Error error = Refused(*answer);
@@ -233,11 +239,20 @@ class S3Store final : public core::ObjectStore {
  private:
   std::string FullKey(std::string_view key) const { return prefix_ + std::string(key); }
 
+  /// A refusal may have its cause in the clock of this machine: S3 refuses a signature whose time
+  /// is more than a quarter of an hour from its own. Then the request is signed once more, by the
+  /// clock of the answer. The status tells it, because the answer to HEAD names no error.
+  Result<Answer> Send(const Request& request, const CancelToken& cancel) {
+    Result<Answer> answer = requests_.Send(request, cancel);
+    if (!answer.ok() || answer->status != 403 || !requests_.FollowClock(*answer)) return answer;
+    return requests_.Send(request, cancel);
+  }
+
   /// A request that must succeed. 412 is success, if it is asked for: the object is there.
   Result<Answer> Write(Request request, PutMode mode, const CancelToken& cancel) {
     const bool is_conditional = mode == PutMode::kKeep && has_conditional_writes_;
-    if (is_conditional) request.headers.emplace_back("If-None-Match: *");
-    Result<Answer> answer = requests_.Send(request, cancel);
+    if (is_conditional) request.headers["if-none-match"] = "*";
+    Result<Answer> answer = Send(request, cancel);
     if (!answer.ok()) return answer;
     if (answer->status == 200 || answer->status == 204) return answer;
     if (is_conditional && answer->status == 412) return answer;

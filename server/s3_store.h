@@ -13,8 +13,8 @@ namespace kdray::server {
 
 /// Requests are made by the calling threads, each over a connection that is kept. A connection must
 /// be made within 3 s; a request that moves less than a kilobyte in 5 s is given up. Bodies are
-/// signed with their SHA-256. While the clocks of store and server differ by more than the store
-/// allows, it is away. If it has no conditional writes, PutMode::kKeep replaces.
+/// signed with their SHA-256. Signatures follow the store's clock: if this machine's is off, the
+/// first request is sent twice. If the store has no conditional writes, PutMode::kKeep replaces.
 ///
 /// kInvalidArgument if `settings` fails.
 core::Result<std::unique_ptr<core::ObjectStore>> MakeS3Store(const StoreUrl& url,

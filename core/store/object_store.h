@@ -55,6 +55,10 @@ class ObjectStore {
  public:
   virtual ~ObjectStore() = default;
 
+  /// Milliseconds since 1970 by the store's clock, a quarter of an hour off at most: this machine's
+  /// clock may be off by more. Asks nothing of the store.
+  virtual std::int64_t NowMs() const = 0;
+
   /// At most `limit` (1 to 1000) objects whose keys begin with `prefix` and are greater than
   /// `after`, which may be empty.
   virtual Result<ObjectPage> List(std::string_view prefix, std::string_view after,

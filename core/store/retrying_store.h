@@ -50,6 +50,7 @@ class RetryingStore final : public ObjectStore {
   Counts counts() const;
 
   Result<ObjectPage> List(std::string_view prefix, std::string_view after, std::size_t limit,
+  std::int64_t NowMs() const override { return store_->NowMs(); }
                           const CancelToken& cancel) override;
   Result<ObjectInfo> Head(std::string_view key, const CancelToken& cancel) override;
   Status Get(std::string_view key, std::uint64_t offset, std::span<std::byte> out,

@@ -37,12 +37,6 @@ std::optional<std::uint64_t> ParseHex(std::string_view text) {
   return value;
 }
 
-std::int64_t NowMs() {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
-
 // The time and 64 random bits.
 std::string NewGeneration(std::int64_t now_ms) {
   std::random_device random;
@@ -131,7 +125,7 @@ Result<SharedStore::Generations> SharedStore::GenerationsOf(const TreeId& id,
     if (!name.ends_with(kDeleted)) continue;
     name.remove_suffix(kDeleted.size());
     deleted.emplace(name);
-    if (IsGeneration(name) && NowMs() - object.modified_ms > kKeepDeletionMs) {
+    if (IsGeneration(name) && store_->NowMs() - object.modified_ms > kKeepDeletionMs) {
       generations.old.emplace_back(name);
     }
   }
@@ -242,7 +236,7 @@ Result<SharedStore::Published> SharedStore::Publish(TreeRecord record, const Rea
     return Published{{*std::move(found), generation, before->seen}, true};
   }
 
-  const std::int64_t now_ms = NowMs();
+  const std::int64_t now_ms = store_->NowMs();
   const std::string generation = NewGeneration(now_ms);
   record.created_ms = now_ms;
   Status status = PutFile(MeshKey(id.mesh, generation), mesh, buffer, PutMode::kReplace, cancel);

@@ -7,12 +7,12 @@
 //   trees/<revision>/<sha256>-<build>  derived: the built tree (tree_file.h)
 // core/library/shared_trees.h uses them, with the data directory as a cache.
 //
-// Each upload of an absent id makes a generation: a new name, which begins with the time. No name
-// is used twice, so a request that a store carries out late, or twice, can neither delete what
-// another replica acknowledged since, nor bring back what was deleted. An id exists exactly if it
-// has a generation with a record and without a deletion. A record is written after its mesh, so
-// whoever sees the record can read the mesh. Each generation has a copy of the mesh of its own, so
-// its deletion takes nothing from another id.
+// Each upload of an absent id makes a generation: a new name, which begins with the time of the
+// store's clock. No name is used twice, so a request that a store carries out late, or twice, can
+// neither delete what another replica acknowledged since, nor bring back what was deleted. An id
+// exists exactly if it has a generation with a record and without a deletion. A record is written
+// after its mesh, so whoever sees the record can read the mesh. Each generation has a copy of the
+// mesh of its own, so its deletion takes nothing from another id.
 #pragma once
 
 #include <chrono>

@@ -8,6 +8,7 @@ import datetime
 import hashlib
 import hmac
 import re
+import ssl
 import threading
 import time
 import urllib.parse
@@ -46,13 +47,19 @@ class FakeS3:
         self.keys = {KEY_ID: SECRET}
         self.session_token = None
         self.clock_offset_s = 0
+        self.date_offset_s = 0  # of the header Date from that clock
+        self.is_strict = lambda method: True  # whether it looks at the time and the token
         self.has_conditional_writes = True
         self.page = 1000
         # fault(method, key, query) -> None, or (kind, value): ("status", 503), ("slow", seconds),
         # ("truncate", 0), ("alter", 0), ("drop", 0) before and ("lose", 0) after the request is
         # carried out.
         self.fault = lambda method, key, query: None
+        self.answers = threading.Event()  # while it is clear, requests are read and wait
+        self.answers.set()
+        self.certificate = None  # a PEM file with its key, for https; before start()
         self.requests = []  # (method, key, query)
+        self.refusals = []  # (method, key, query, code)
         self.problems = []  # what a correct client does not send
         self._server = None
         self.port = 0
@@ -66,7 +73,7 @@ class FakeS3:
 
     @property
     def url(self):
-        return f"http://127.0.0.1:{self.port}"
+        return f"http{'s' if self.certificate else ''}://127.0.0.1:{self.port}"
 
     def start(self):
         class Server(ThreadingHTTPServer):
@@ -80,6 +87,10 @@ class FakeS3:
 
         self._server = Server(("127.0.0.1", self.port), Handler)
         self.port = self._server.server_address[1]
+        if self.certificate:
+            context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            context.load_cert_chain(self.certificate)
+            self._server.socket = context.wrap_socket(self._server.socket, server_side=True)
         threading.Thread(target=self._server.serve_forever, args=(0.02,), daemon=True).start()
 
     def stop(self):
@@ -116,7 +127,8 @@ class Handler(BaseHTTPRequestHandler):
         pass
 
     def date_time_string(self, timestamp=None):
-        return formatdate(time.time() + self.server.store.clock_offset_s, usegmt=True)
+        store = self.server.store
+        return formatdate(time.time() + store.clock_offset_s + store.date_offset_s, usegmt=True)
 
     def do(self):
         store = self.server.store
@@ -128,6 +140,7 @@ class Handler(BaseHTTPRequestHandler):
         bucket, self.key = parts[1], parts[2] if len(parts) > 2 else ""
         with store.lock:
             store.requests.append((self.command, self.key, self.query))
+        store.answers.wait()
         kind, value = store.fault(self.command, self.key, self.query) or (None, None)
         if kind == "drop":
             self.close_connection = True
@@ -143,6 +156,7 @@ class Handler(BaseHTTPRequestHandler):
             with store.lock:
                 status, headers, answer = getattr(self, "s3_" + self.command.lower())(body)
         except Refusal as refusal:
+            store.refusals.append((self.command, self.key, self.query, refusal.code))
             answer = f"<?xml version='1.0'?><Error><Code>{refusal.code}</Code></Error>".encode()
             status, headers = refusal.status, {"Content-Type": "application/xml"}
         if kind == "lose":
@@ -177,12 +191,14 @@ class Handler(BaseHTTPRequestHandler):
         key_id, day, region, signed, signature = match.groups()
         if key_id not in store.keys:
             raise Refusal(403, "InvalidAccessKeyId")
-        if store.session_token and self.headers.get("x-amz-security-token") != store.session_token:
+        token = self.headers.get("x-amz-security-token")
+        if store.session_token not in (None, token) and store.is_strict(self.command):
             raise Refusal(403, "ExpiredToken")
         date = self.headers.get("x-amz-date", "")
         sent = datetime.datetime.strptime(date, "%Y%m%dT%H%M%SZ").replace(
             tzinfo=datetime.timezone.utc).timestamp()
-        if abs(sent - time.time() - store.clock_offset_s) > 900:
+        late_s = abs(sent - time.time() - store.clock_offset_s)
+        if late_s > 900 and store.is_strict(self.command):
             raise Refusal(403, "RequestTimeTooSkewed")
         names = signed.split(";")
         for name in names:
@@ -220,7 +236,7 @@ class Handler(BaseHTTPRequestHandler):
                 store.problems.append("If-None-Match other than *")
             if self.key in store.objects:
                 raise Refusal(412, "PreconditionFailed")
-        store.objects[self.key] = (body, time.time())
+        store.objects[self.key] = (body, time.time() + store.clock_offset_s)
 
     def s3_put(self, body):
         store = self.server.store

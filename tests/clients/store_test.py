@@ -4,6 +4,7 @@
 Two daemons with `--store` on an S3 in this process (fake_s3.py) get uploads, queries and deletions,
 while the store is slow, fails, loses answers, alters bytes, has another time, or is gone.
 """
+import datetime
 import hashlib
 import json
 import os
@@ -160,19 +161,53 @@ class StoreTest(unittest.TestCase):
         status, _, answer = self.second.ask("GET", f"/v1/trees/{tree['id']}/mesh")
         self.assertEqual((status, hashlib.sha256(answer).hexdigest()), (200, sha))
 
-    def test_while_the_clocks_differ_by_an_hour_the_store_is_away(self):
+    def test_a_clock_that_is_off_is_corrected_by_the_stores(self):
+        replica = replica_on(self.store, prefix="clock")
+        self.addCleanup(replica.close)
+
+        def refused():
+            return sum(code == "RequestTimeTooSkewed" and (key or query["prefix"]).startswith("clock/")
+                       for _, key, query, code in self.store.refusals)
+        try:
+            for number, offset_s in enumerate((3600, -3600, 40 * 86400, 0)):
+                with self.subTest(offset_s=offset_s):
+                    self.store.clock_offset_s = offset_s
+                    before = refused()
+                    status, tree = replica.upload(mesh(4000 + number))
+                    self.assertEqual(status, 201, tree)
+                    self.assertIn(refused() - before, (1, 2))  # what runs beside is refused too
+                    created = datetime.datetime.fromisoformat(
+                        tree["created_at"].replace("Z", "+00:00")).timestamp()
+                    self.assertLess(abs(created - time.time() - offset_s), 60, "the store's time")
+                    self.assertEqual(replica.ask("DELETE", f"/v1/trees/{tree['id']}")[0], 204)
+                    self.assertEqual(replica.trace(tree["id"])[0], 404)
+            # An answer to HEAD names no error.
+            self.assertEqual(replica.upload(self.mesh)[0], 201)
+            self.store.is_strict = lambda method: method == "HEAD"
+            self.store.clock_offset_s = -7200
+            before = refused()
+            self.assertEqual(replica.upload(self.mesh)[0], 200)
+            self.assertIn(refused() - before, (1, 2))
+        finally:
+            self.store.clock_offset_s = 0
+            self.store.is_strict = lambda method: True
+        self.assertNotIn("store_away", replica.log())
+
+    def test_a_clock_that_the_store_does_not_tell_is_an_error(self):
         replica = replica_on(self.store)
         self.addCleanup(replica.close)
         _, tree = replica.upload(self.mesh)
-        self.store.clock_offset_s = 3600
+        self.store.clock_offset_s, self.store.date_offset_s = 3600, -3600
         try:
-            status, answer = replica.upload(mesh(4000))
+            before = len(self.store.requests)
+            status, answer = replica.upload(mesh(4100))
             self.assertEqual(status, 503)
             self.assertIn("RequestTimeTooSkewed", answer["detail"])
+            self.assertLess(len(self.store.requests), before + 10)
             self.assertEqual(replica.trace(tree["id"])[0], 200)
         finally:
-            self.store.clock_offset_s = 0
-        self.assertTrue(within(RECOVERY_S, lambda: replica.upload(mesh(4000))[0] == 201))
+            self.store.clock_offset_s = self.store.date_offset_s = 0
+        self.assertTrue(within(RECOVERY_S, lambda: replica.upload(mesh(4100))[0] == 201))
 
     def test_a_store_without_conditional_writes_is_used_without_them(self):
         self.store.has_conditional_writes = False

@@ -14,12 +14,6 @@ using core::ErrorCode;
 using core::Result;
 using core::Status;
 
-std::int64_t NowMs() {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
-
 Error NotThere() { return Error{ErrorCode::kNotFound, "no such object"}; }
 
 }  // namespace
@@ -63,7 +57,7 @@ std::vector<std::byte> MemoryObjectStore::Contents(const std::string& key) const
 
 void MemoryObjectStore::SetContents(const std::string& key, std::vector<std::byte> contents) {
   const std::lock_guard lock(mutex_);
-  objects_[key] = {std::move(contents), NowMs() - age_ms_};
+  objects_[key] = {std::move(contents), NowMs()};
 }
 
 void MemoryObjectStore::Erase(const std::string& key) {
@@ -74,6 +68,14 @@ void MemoryObjectStore::Erase(const std::string& key) {
 void MemoryObjectStore::Age(std::int64_t ms) {
   const std::lock_guard lock(mutex_);
   for (auto& [key, object] : objects_) object.modified_ms -= ms;
+}
+
+void MemoryObjectStore::SetClock(std::int64_t ahead_ms) { ahead_ms_ = ahead_ms; }
+
+std::int64_t MemoryObjectStore::NowMs() const {
+  return ahead_ms_ + std::chrono::duration_cast<std::chrono::milliseconds>(
+                         std::chrono::system_clock::now().time_since_epoch())
+                         .count();
 }
 
 std::uint64_t MemoryObjectStore::calls(Call call) const {
@@ -126,7 +128,7 @@ Status MemoryObjectStore::Write(Fault fault, std::string_view key, std::function
 void MemoryObjectStore::PutLocked(const std::string& key, std::vector<std::byte> bytes,
                                   core::PutMode mode) {
   if (mode == core::PutMode::kKeep && has_conditional_writes_ && objects_.contains(key)) return;
-  objects_[key] = {std::move(bytes), NowMs() - age_ms_};
+  objects_[key] = {std::move(bytes), NowMs()};
 }
 
 Result<core::ObjectPage> MemoryObjectStore::List(std::string_view prefix, std::string_view after,

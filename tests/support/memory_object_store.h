@@ -3,6 +3,7 @@
 // loses the answer, carries it out late, alters or cuts what it sends, or refuses.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -56,12 +57,15 @@ class MemoryObjectStore final : public core::ObjectStore {
   void Erase(const std::string& key);
   /// Makes all objects older.
   void Age(std::int64_t ms);
+  /// The store's clock is this much ahead of the machine's.
+  void SetClock(std::int64_t ahead_ms);
   std::uint64_t calls(Call call) const;
   /// Calls since the start.
   std::uint64_t calls() const;
   /// Uploads in parts that were neither finished nor aborted.
   std::size_t unfinished_uploads() const;
 
+  std::int64_t NowMs() const override;
   core::Result<core::ObjectPage> List(std::string_view prefix, std::string_view after,
                                       std::size_t limit, const core::CancelToken& cancel) override;
   core::Result<core::ObjectInfo> Head(std::string_view key,
@@ -107,7 +111,7 @@ class MemoryObjectStore final : public core::ObjectStore {
   std::map<std::string, Upload, std::less<>> uploads_;
   std::vector<Late> late_;
   std::map<Call, std::uint64_t> calls_;
-  std::int64_t age_ms_ = 0;
+  std::atomic<std::int64_t> ahead_ms_{0};
   int next_upload_ = 1;
 };
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <memory>
 #include <string>
 #include <thread>
@@ -185,6 +186,23 @@ TEST_F(SharedStoreTest, DeletionsOfADayAgoAreForgottenWithWhatCameBack) {
   objects_.Age(2 * kDayMs);
   EXPECT_FALSE(*shared_.Remove(id_, {}));
   EXPECT_TRUE(objects_.Keys().empty());
+}
+
+TEST_F(SharedStoreTest, TimesAreThoseOfTheStoresClock) {
+  for (const std::int64_t ahead_ms : {-30 * kDayMs, 30 * kDayMs}) {
+    objects_.SetClock(ahead_ms);
+    const auto published = Publish(mesh_);
+    ASSERT_TRUE(published.ok());
+    EXPECT_LT(std::abs(published->record.created_ms - objects_.NowMs()), 60'000);
+    ASSERT_TRUE(shared_.Remove(id_, {}).ok());
+    EXPECT_FALSE(Exists(id_));
+    ASSERT_FALSE(*shared_.Remove(id_, {}));
+    EXPECT_EQ(objects_.Keys("catalog/").size(), 1u)
+        << "a clock that is off does not make the deletion one of a day ago";
+    objects_.Age(2 * kDayMs);
+    ASSERT_FALSE(*shared_.Remove(id_, {}));
+    EXPECT_TRUE(objects_.Keys().empty());
+  }
 }
 
 TEST_F(SharedStoreTest, AFailureAtAnyCallOfAnUploadLeavesEitherNothingOrAWholeTree) {
