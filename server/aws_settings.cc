@@ -151,6 +151,7 @@ Result<AwsSettings> ReadAwsSettings(const Environment& environment) {
                  "'" +
                      settings.endpoint + "'"};
   }
+  settings.ca_file = environment("AWS_CA_BUNDLE").value_or(find(config, "ca_bundle"));
   return settings;
 }
 

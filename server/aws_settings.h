@@ -34,6 +34,7 @@ struct AwsSettings {
   AwsCredentials credentials;
   std::string region = "us-east-1";
   std::string endpoint;  ///< as http://127.0.0.1:9000; empty: Amazon's, of the region
+  std::string ca_file;   ///< certificates to trust (PEM); empty: those of the system
 };
 
 /// A variable of the environment; nullopt if it is not set or empty.
@@ -41,8 +42,8 @@ using Environment = std::function<std::optional<std::string>(const std::string& 
 Environment ProcessEnvironment();
 
 /// From AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_SESSION_TOKEN, AWS_REGION or
-/// AWS_DEFAULT_REGION, and AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL. What these do not have comes
-/// from the profile AWS_PROFILE (`default`) in the files AWS_SHARED_CREDENTIALS_FILE
+/// AWS_DEFAULT_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL, and AWS_CA_BUNDLE. What these do
+/// not have comes from the profile AWS_PROFILE (`default`) in the files AWS_SHARED_CREDENTIALS_FILE
 /// (~/.aws/credentials) and AWS_CONFIG_FILE (~/.aws/config). Nothing is asked of the network: no
 /// instance metadata, no single sign-on. An error says what is missing, and no secret.
 core::Result<AwsSettings> ReadAwsSettings(const Environment& environment);

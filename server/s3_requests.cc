@@ -249,9 +249,9 @@ struct S3Requests::State {
     curl_easy_setopt(easy, CURLOPT_LOW_SPEED_TIME, request.stall_seconds);
     curl_easy_setopt(easy, CURLOPT_LOW_SPEED_LIMIT, kStallBytesPerSecond);
     curl_easy_setopt(easy, CURLOPT_EXPECT_100_TIMEOUT_MS, kContinueMs);
-    curl_easy_setopt(easy, CURLOPT_AWS_SIGV4, scope.c_str());
-    curl_easy_setopt(easy, CURLOPT_USERNAME, settings.credentials.key_id.c_str());
-    curl_easy_setopt(easy, CURLOPT_PASSWORD, settings.credentials.secret.c_str());
+    if (!settings.ca_file.empty()) {
+      curl_easy_setopt(easy, CURLOPT_CAINFO, settings.ca_file.c_str());
+    }
     curl_easy_setopt(easy, CURLOPT_HTTPHEADER, headers.get());
     curl_easy_setopt(easy, CURLOPT_WRITEFUNCTION, OnBody);
     curl_easy_setopt(easy, CURLOPT_WRITEDATA, &transfer);

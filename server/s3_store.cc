@@ -271,9 +271,11 @@ class S3Store final : public core::ObjectStore {
     if (code == "RequestTimeTooSkewed") {
       return core::StoreIsAway("the clocks of store and server differ too much: " + what);
     }
-    if ((code == "ExpiredToken" || code == "InvalidAccessKeyId" || code == "TokenRefreshRequired" ||
-         code == "InvalidToken") &&
-        requests_.RenewCredentials(answer)) {
+    // The answer to HEAD names no error.
+    const bool may_have_expired = code == "ExpiredToken" || code == "InvalidAccessKeyId" ||
+                                  code == "TokenRefreshRequired" || code == "InvalidToken" ||
+                                  (code.empty() && (answer.status == 400 || answer.status == 403));
+    if (may_have_expired && requests_.RenewCredentials(answer)) {
       return core::StoreIsAway("the credentials have expired: " + what);
     }
     if (answer.status == 404 && code != "NoSuchBucket") {

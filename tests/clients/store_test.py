@@ -265,8 +265,34 @@ class StoreTest(unittest.TestCase):
             self.assertEqual(replica.upload(mesh(6000))[0], 507, "nobody has renewed it")
             write("new token")
             self.assertEqual(replica.upload(mesh(6000))[0], 201)
+            self.store.is_strict = lambda method: method == "HEAD"  # which names no error
+            self.store.session_token = "third token"
+            write("third token")
+            self.assertEqual(replica.upload(mesh(6000))[0], 200)
         finally:
             self.store.region, self.store.session_token = "us-east-1", None
+            self.store.is_strict = lambda method: True
+
+    def test_a_store_over_tls_is_used_if_its_certificate_is_trusted(self):
+        folder = tempfile.mkdtemp(prefix="kdray-tls-")
+        self.addCleanup(shutil.rmtree, folder)
+        names = [os.path.join(folder, name) for name in ("certificate.pem", "key.pem", "both.pem")]
+        subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2",
+                        "-subj", "/CN=127.0.0.1", "-addext", "subjectAltName=IP:127.0.0.1",
+                        "-out", names[0], "-keyout", names[1]], check=True, capture_output=True)
+        with open(names[2], "w") as both:
+            for name in names[:2]:
+                with open(name) as file:
+                    both.write(file.read())
+        with fake_s3.FakeS3() as store:
+            store.stop()
+            store.certificate = names[2]
+            store.start()
+            replica = replica_on(store, AWS_CA_BUNDLE=names[0])
+            self.addCleanup(replica.close)
+            self.assertEqual(replica.upload(self.mesh)[0], 201)
+            with self.assertRaisesRegex(RuntimeError, "certificate"):
+                replica_on(store)
 
     def test_a_wrong_start_ends_with_one_line(self):
         def run(*options, **variables):

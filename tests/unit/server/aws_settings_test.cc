@@ -46,10 +46,12 @@ TEST_F(AwsSettingsTest, ComeFromTheEnvironment) {
   EXPECT_EQ(settings->endpoint, "http://127.0.0.1:9000");
   variables_["AWS_REGION"] = "eu-west-2";
   variables_["AWS_ENDPOINT_URL_S3"] = "https://s3.example.org";
+  variables_["AWS_CA_BUNDLE"] = "ca.pem";
   settings = Read();
   ASSERT_TRUE(settings.ok());
   EXPECT_EQ(settings->region, "eu-west-2");
   EXPECT_EQ(settings->endpoint, "https://s3.example.org");
+  EXPECT_EQ(settings->ca_file, "ca.pem");
 }
 
 TEST_F(AwsSettingsTest, ComeFromTheProfileInTheFiles) {
@@ -59,7 +61,7 @@ TEST_F(AwsSettingsTest, ComeFromTheProfileInTheFiles) {
             "[ work ]\naws_access_key_id = d\naws_secret_access_key = e\naws_session_token=f\n");
   WriteText(folder_ / ".aws/config",
             "[default]\nregion = eu-north-1\n[profile work]\ns3 =\n  region = nested\n"
-            "endpoint_url = http://store:80\n");
+            "endpoint_url = http://store:80\nca_bundle = /etc/ca.pem\n");
   auto settings = Read();
   ASSERT_TRUE(settings.ok());
   EXPECT_EQ(settings->credentials.key_id, "a");
@@ -72,6 +74,7 @@ TEST_F(AwsSettingsTest, ComeFromTheProfileInTheFiles) {
   EXPECT_EQ(settings->credentials.session_token, "f");
   EXPECT_EQ(settings->region, "us-east-1") << "the default";
   EXPECT_EQ(settings->endpoint, "http://store:80");
+  EXPECT_EQ(settings->ca_file, "/etc/ca.pem");
   variables_["AWS_ACCESS_KEY_ID"] = "g";
   EXPECT_FALSE(Read().ok()) << "half of a credential is not completed from elsewhere";
 }
