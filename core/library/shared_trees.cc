@@ -14,7 +14,7 @@ constexpr int kTransferThreads = 2;
 
 // Poll interval; a CancelToken has no notification.
 constexpr std::chrono::milliseconds kLookAgain{50};
-// How long a request for a known tree waits until it is confirmed.
+// The age of a question for which a request for a known tree waits no longer.
 constexpr std::chrono::milliseconds kPatience{1000};
 
 Error NoSuchTree() { return Error{ErrorCode::kNotFound, "no tree has this id"}; }
@@ -78,7 +78,6 @@ Status SharedTrees::Ensure(const TreeId& id, const CancelToken& cancel) {
   if (!known.ok() && known.error().code != ErrorCode::kNotFound) return {};
   if (known.ok() && objects_.IsAway()) return {};
   const Clock::time_point asked = Clock::now();
-  const Clock::time_point patience = asked + kPatience;
   std::unique_lock lock(mutex_);
   for (;;) {
     const auto found = confirmed_.find(id);
@@ -90,7 +89,7 @@ Status SharedTrees::Ensure(const TreeId& id, const CancelToken& cancel) {
     const std::shared_ptr<Lookup> lookup = Begin(id);
     while (!lookup->has_ended) {
       if (cancel.ShouldStop()) return cancel.ToError();
-      if (known.ok() && Clock::now() >= patience) return {};
+      if (known.ok() && Clock::now() >= lookup->started + kPatience) return {};
       changed_.wait_until(lock, std::min(cancel.deadline(), Clock::now() + kLookAgain));
     }
     const Status& status = lookup->status;

@@ -26,6 +26,7 @@ auto RetryingStore::Repeat(const CancelToken& cancel, const Call& call) -> declt
   const std::optional<int> attempts = AttemptsNow();
   if (!attempts) return StoreIsAway("the store does not answer; it is asked again soon");
   for (int attempt = 1;; ++attempt) {
+    const Clock::time_point began = Clock::now();
     auto answer = call();
     if (answer.ok() || !IsPassing(answer.error())) {
       if (answer.ok() || !IsCancelled(answer.error())) NoteAnswer();
@@ -39,7 +40,7 @@ auto RetryingStore::Repeat(const CancelToken& cancel, const Call& call) -> declt
     if (answer.error().code == ErrorCode::kCorrupt) {
       NoteAnswer();
     } else {
-      NoteFailure(answer.error());
+      NoteFailure(answer.error(), began);
     }
     return answer;
   }
@@ -48,7 +49,13 @@ auto RetryingStore::Repeat(const CancelToken& cancel, const Call& call) -> declt
 std::optional<int> RetryingStore::AttemptsNow() {
   const std::lock_guard lock(mutex_);
   if (!is_away_) return rule_.attempts;
-  if (Clock::now() >= paused_until_) return 1;
+  const Clock::time_point now = Clock::now();
+  if (now >= paused_until_) {
+    // The others do not wait for this one, which may hang. If it does not end, another one tries
+    // after the same time.
+    paused_until_ = now + pause_;
+    return 1;
+  }
   ++counts_.failures;
   return std::nullopt;
 }
@@ -75,15 +82,18 @@ void RetryingStore::NoteAnswer() {
   {
     const std::lock_guard lock(mutex_);
     pause_ = std::chrono::milliseconds(0);
+    answered_ = Clock::now();
     if (!std::exchange(is_away_, false)) return;
   }
   if (on_change_) on_change_(false, "");
 }
 
-void RetryingStore::NoteFailure(const Error& error) {
+void RetryingStore::NoteFailure(const Error& error, Clock::time_point began) {
   {
     const std::lock_guard lock(mutex_);
     ++counts_.failures;
+    // The store has answered another call since, so it is not away.
+    if (answered_ > began) return;
     pause_ = std::clamp(2 * pause_, rule_.first_pause, rule_.most_pause);
     paused_until_ = Clock::now() + pause_;
     if (std::exchange(is_away_, true)) return;
@@ -98,7 +108,9 @@ bool RetryingStore::IsAway() const {
 
 RetryingStore::Counts RetryingStore::counts() const {
   const std::lock_guard lock(mutex_);
-  return counts_;
+  Counts counts = counts_;
+  counts.is_away = is_away_;
+  return counts;
 }
 
 Result<ObjectPage> RetryingStore::List(std::string_view prefix, std::string_view after,

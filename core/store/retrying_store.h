@@ -23,9 +23,9 @@ namespace kdray::core {
 /// Repeats calls that end with StoreIsAway or kCorrupt, after a random time up to a bound that
 /// doubles ("full jitter": Brooker, "Exponential Backoff and Jitter", AWS Architecture Blog, 2015).
 ///
-/// After a call that failed in all attempts the store is away: calls fail at once for a pause, so
-/// requests do not queue up for a store that is down. After the pause calls try again, once each,
-/// until one succeeds. Safe from many threads at once.
+/// After a call that failed in all attempts the store is away until a call succeeds. Calls fail at
+/// once, so requests do not queue up for a store that is down, or accepts requests and answers
+/// none. After each pause one call tries, once. Safe from many threads at once.
 class RetryingStore final : public ObjectStore {
  public:
   struct Rule {
@@ -37,7 +37,8 @@ class RetryingStore final : public ObjectStore {
   };
   struct Counts {
     std::uint64_t retries = 0;   ///< repeated attempts
-    std::uint64_t failures = 0;  ///< calls that failed in all attempts, or at once in a pause
+    std::uint64_t failures = 0;  ///< calls that failed in all attempts, or at once
+    bool is_away = false;        ///< now
   };
   /// `on_change` is called when the store goes away (with the reason) and when it is back (empty);
   /// from any thread, without a lock. `store` must outlive this.
@@ -45,12 +46,12 @@ class RetryingStore final : public ObjectStore {
   RetryingStore(ObjectStore* store, const Rule& rule, OnChange on_change)
       : store_(store), rule_(rule), on_change_(std::move(on_change)) {}
 
-  /// Whether calls fail at once now.
+  /// Whether a call would fail at once now.
   bool IsAway() const;
   Counts counts() const;
 
-  Result<ObjectPage> List(std::string_view prefix, std::string_view after, std::size_t limit,
   std::int64_t NowMs() const override { return store_->NowMs(); }
+  Result<ObjectPage> List(std::string_view prefix, std::string_view after, std::size_t limit,
                           const CancelToken& cancel) override;
   Result<ObjectInfo> Head(std::string_view key, const CancelToken& cancel) override;
   Status Get(std::string_view key, std::uint64_t offset, std::span<std::byte> out,
@@ -75,7 +76,8 @@ class RetryingStore final : public ObjectStore {
   std::optional<int> AttemptsNow();
   bool Sleep(int attempt, const CancelToken& cancel);
   void NoteAnswer();
-  void NoteFailure(const Error& error);
+  // Of a call whose last attempt began then.
+  void NoteFailure(const Error& error, Clock::time_point began);
 
   ObjectStore* const store_;
   const Rule rule_;
@@ -87,6 +89,7 @@ class RetryingStore final : public ObjectStore {
   bool is_away_ = false;
   std::chrono::milliseconds pause_{0};
   Clock::time_point paused_until_;
+  Clock::time_point answered_ = Clock::time_point::min();  // the last answer
 };
 
 }  // namespace kdray::core

@@ -96,6 +96,47 @@ TEST_F(RetryingStoreTest, FailsAtOnceWhileTheStoreIsAwayAndRecoversByItself) {
   EXPECT_EQ(changes_, (std::vector<std::string>{"away: the store does not answer", "back"}));
 }
 
+TEST_F(RetryingStoreTest, OneCallTriesAfterAPauseAndTheOthersDoNotWaitForIt) {
+  Fail(1000, Fault::kAway);
+  EXPECT_FALSE(Put().ok());
+  EXPECT_TRUE(store_.counts().is_away);
+  std::this_thread::sleep_for(milliseconds(50));
+  std::atomic<bool> is_stuck{true}, is_asked{false};
+  objects_.set_faults([&](Call, std::string_view) {
+    is_asked = true;
+    while (is_stuck) std::this_thread::sleep_for(milliseconds(1));
+    return Fault::kNone;
+  });
+  std::thread first([this] { EXPECT_TRUE(Put().ok()); });
+  while (!is_asked) std::this_thread::sleep_for(milliseconds(1));
+  EXPECT_TRUE(store_.IsAway());
+  EXPECT_TRUE(IsStoreAway(Put().error()));
+  std::this_thread::sleep_for(milliseconds(50));
+  EXPECT_FALSE(store_.IsAway()) << "the first one has not ended, so another one may try";
+  is_stuck = false;
+  first.join();
+  EXPECT_FALSE(store_.counts().is_away);
+}
+
+TEST_F(RetryingStoreTest, AFailureThatBeganBeforeAnotherCallsAnswerDoesNotMakeTheStoreAway) {
+  std::atomic<bool> is_stuck{true}, is_asked{false};
+  objects_.set_faults([&](Call call, std::string_view) {
+    if (call != Call::kPut) return Fault::kNone;
+    is_asked = true;
+    while (is_stuck) std::this_thread::sleep_for(milliseconds(1));
+    return Fault::kAway;
+  });
+  RetryingStore once(&objects_, {.attempts = 1}, nullptr);
+  std::thread slow([&] { EXPECT_FALSE(once.Put("a", {}, PutMode::kReplace, {}).ok()); });
+  while (!is_asked) std::this_thread::sleep_for(milliseconds(1));
+  EXPECT_TRUE(once.List("", "", 1, {}).ok());
+  is_stuck = false;
+  slow.join();
+  EXPECT_FALSE(once.counts().is_away);
+  EXPECT_FALSE(once.Put("a", {}, PutMode::kReplace, {}).ok());
+  EXPECT_TRUE(once.counts().is_away);
+}
+
 TEST_F(RetryingStoreTest, EndsSoonAfterItsCancellation) {
   MemoryObjectStore objects;
   objects.set_faults([](Call, std::string_view) { return Fault::kAway; });
