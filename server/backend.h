@@ -122,6 +122,31 @@ enum class TreeUse : std::uint8_t {
   kCells,  ///< lists of cells, and renders that show them or the cost
 };
 
+/// Counts of the store that replicas share (--store), since the start.
+struct SharedStoreCounters {
+  struct Requests {
+    std::string_view operation;  ///< list, head, get, put, delete
+    std::uint64_t answered = 0;
+    std::uint64_t failed = 0;  ///< no answer, a refusal, or an altered answer
+  };
+  struct TimeClass {
+    double most_seconds = 0;     ///< infinite for the last class
+    std::uint64_t requests = 0;  ///< those of the classes before included
+  };
+  struct Files {
+    std::uint64_t here = 0;     ///< found in the data directory
+    std::uint64_t fetched = 0;  ///< from the store
+  };
+  std::vector<Requests> requests;  ///< each attempt of a call
+  std::vector<TimeClass> times;
+  double seconds = 0;         ///< the sum of their times
+  std::uint64_t retries = 0;  ///< attempts after a call's first one
+  std::uint64_t sent_bytes = 0, received_bytes = 0;
+  std::uint64_t lookups = 0;  ///< questions whether a tree exists
+  Files meshes, trees;        ///< that requests and builds needed
+  bool is_away = false;       ///< now
+};
+
 /// Counts of the backend's work since its start, and of what it holds. For metrics and tests.
 struct BackendCounters {
   std::uint64_t parses = 0;             ///< mesh files read
@@ -141,6 +166,7 @@ struct BackendCounters {
   std::uint64_t memory_limit_bytes = 0;
   std::optional<std::uint64_t> store_limit_bytes;  ///< nullopt: as much as the disk holds
   std::optional<std::uint64_t> store_free_bytes;   ///< of the disk; nullopt if it does not say
+  std::optional<SharedStoreCounters> shared;       ///< nullopt without a shared store
 };
 
 /// Every method is safe from many threads at once and may block the calling thread; none throws on

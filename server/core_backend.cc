@@ -2,12 +2,15 @@
 #include "server/core_backend.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -39,6 +42,32 @@ std::optional<std::uint64_t> FreeBytes(const std::filesystem::path& folder) {
   const std::filesystem::space_info space = std::filesystem::space(folder, error);
   if (error) return std::nullopt;
   return space.available;
+}
+
+SharedStoreCounters SharedCounters(const core::SharedTrees::Counts& counts) {
+  SharedStoreCounters shared;
+  constexpr std::array<std::string_view, core::kStoreOperations> kNames = {"list", "head", "get",
+                                                                           "put", "delete"};
+  for (std::size_t i = 0; i < kNames.size(); ++i) {
+    const core::StoreCounts::Requests& requests = counts.requests.requests[i];
+    shared.requests.push_back({kNames[i], requests.answered, requests.failed});
+  }
+  std::uint64_t sum = 0;
+  for (std::size_t i = 0; i < counts.requests.by_time.size(); ++i) {
+    const auto& ends = core::StoreCounts::kMostSeconds;
+    sum += counts.requests.by_time[i];
+    shared.times.push_back(
+        {i < ends.size() ? ends[i] : std::numeric_limits<double>::infinity(), sum});
+  }
+  shared.seconds = counts.requests.seconds;
+  shared.retries = counts.retries.retries;
+  shared.sent_bytes = counts.requests.sent_bytes;
+  shared.received_bytes = counts.requests.received_bytes;
+  shared.lookups = counts.lookups;
+  shared.meshes = {counts.meshes.here, counts.meshes.fetched};
+  shared.trees = {counts.trees.here, counts.trees.fetched};
+  shared.is_away = counts.retries.is_away;
+  return shared;
 }
 
 class CoreMeshBytes final : public MeshBytes {
@@ -227,7 +256,8 @@ class LibraryBackend final : public Backend {
             c.attribute_reads,
             memory_limit_bytes_,
             store_limit_bytes_,
-            FreeBytes(data_dir_)};
+            FreeBytes(data_dir_),
+            c.shared ? std::optional(SharedCounters(*c.shared)) : std::nullopt};
   }
 
  private:

@@ -19,6 +19,7 @@
 
 #include "api/errors.h"
 #include "api/names.h"
+#include "server/current_metrics.h"
 #include "server/routes.h"
 
 namespace kdray::server {
@@ -27,8 +28,6 @@ namespace {
 using prometheus::Counter;
 using prometheus::Gauge;
 using prometheus::Histogram;
-using prometheus::MetricFamily;
-using prometheus::MetricType;
 using prometheus::Registry;
 
 /// Seconds. Few, because each is a line for each class.
@@ -77,8 +76,9 @@ Counter& AddCounter(Registry& registry, const char* name, const char* help) {
 /// Requests by route and status.
 class RequestCounters {
  public:
-  RequestCounters(Registry& registry, std::span<const Route> routes)
-      : family_(prometheus::BuildCounter()
+  RequestCounters(Registry& registry, std::span<const Route> routes, std::size_t most_series)
+      : most_series_(most_series),
+        family_(prometheus::BuildCounter()
                     .Name("kdray_http_requests_total")
                     .Help("Answered requests, by the route whose handler answered and the status. "
                           "Route none: refused before a handler was called. Status 499: the client "
@@ -113,7 +113,7 @@ class RequestCounters {
     if (Counter* const counter = place.load(std::memory_order_relaxed)) return *counter;
     const std::size_t other = routes_.size() - 1;
     // The places of route "other" are kept free, one for each status.
-    if (row != other && exact_ + statuses_.size() == Metrics::kMaxRequestSeries) {
+    if (row != other && exact_ + statuses_.size() == most_series_) {
       std::atomic<Counter*>& rest = counters_[other * statuses_.size() + column];
       if (rest == nullptr) rest = &Add(other, column);
       place = rest.load();
@@ -128,6 +128,7 @@ class RequestCounters {
         {{"route", std::string(routes_[row])}, {"status", std::to_string(statuses_[column])}});
   }
 
+  const std::size_t most_series_;
   prometheus::Family<Counter>& family_;
   std::vector<std::string_view> routes_;  ///< the last one is "other"
   const std::vector<int> statuses_;
@@ -140,12 +141,12 @@ class RequestCounters {
 class RowCounters {
  public:
   RowCounters(Registry& registry, std::span<const Route> routes) {
-    Add(registry, routes, "kdray_rays_total", "Rays answered, by query and precision.",
-        kRaysPrefix);
+    Add(registry, routes, "kdray_rays_total", "Rays answered, by query and precision.", kRaysPrefix,
+        api::kPrecisionNames);
     Add(registry, routes, "kdray_points_total", "Points answered, by query and precision.",
-        kPointsPrefix);
+        kPointsPrefix, api::kPointPrecisionNames);
     Add(registry, routes, "kdray_point_pairs_total",
-        "Pairs of points answered, by query and precision.", kVisibility);
+        "Pairs of points answered, by query and precision.", kVisibility, api::kPrecisionNames);
   }
 
   void Count(std::string_view route, std::string_view precision, std::uint64_t rows) {
@@ -163,7 +164,7 @@ class RowCounters {
   };
 
   void Add(Registry& registry, std::span<const Route> routes, const char* name, const char* help,
-           std::string_view prefix) {
+           std::string_view prefix, std::span<const std::string_view> precisions) {
     prometheus::Family<Counter>* family = nullptr;
     for (const Route& route : routes) {
       if (!route.path.starts_with(prefix)) continue;
@@ -171,7 +172,7 @@ class RowCounters {
         family = &prometheus::BuildCounter().Name(name).Help(help).Register(registry);
       }
       const std::string query(route.path.substr(route.path.rfind('/') + 1));
-      for (const std::string_view precision : api::kPrecisionNames) {
+      for (const std::string_view precision : precisions) {
         if (precision == api::Name(api::Precision::kAuto)) continue;
         entries_.push_back(
             {route.path, precision,
@@ -183,75 +184,12 @@ class RowCounters {
   std::vector<Entry> entries_;
 };
 
-MetricFamily Single(MetricType type, const char* name, const char* help, double value) {
-  MetricFamily family{.name = name, .help = help, .type = type, .metric = {{}}};
-  (type == MetricType::Counter ? family.metric[0].counter.value : family.metric[0].gauge.value) =
-      value;
-  return family;
-}
-
-/// Counted elsewhere.
-void AppendCurrent(const CurrentValues& now, std::vector<MetricFamily>& families) {
-  const auto counter = [&](const char* name, const char* help, std::uint64_t value) {
-    families.push_back(Single(MetricType::Counter, name, help, static_cast<double>(value)));
-  };
-  const auto gauge = [&](const char* name, const char* help, std::uint64_t value) {
-    families.push_back(Single(MetricType::Gauge, name, help, static_cast<double>(value)));
-  };
-  const BackendCounters& backend = now.backend;
-  gauge("kdray_running_requests", "Requests that compute now.", now.running);
-  gauge("kdray_queued_requests", "Requests that wait for their turn now.", now.queued);
-  gauge("kdray_request_memory_bytes", "Memory of bodies, rows and images of running requests.",
-        now.request_memory_bytes);
-  gauge("kdray_library_memory_bytes", "Memory of meshes, trees and builds.", backend.memory_bytes);
-  gauge("kdray_library_memory_limit_bytes", "Most memory for meshes, trees and builds.",
-        backend.memory_limit_bytes);
-  gauge("kdray_memory_limit_bytes", "Most memory for the whole daemon (--memory-limit).",
-        now.memory_limit_bytes);
-  gauge("kdray_store_bytes", "Disk space of meshes, trees and derived files.", backend.store_bytes);
-  if (backend.store_limit_bytes) {
-    gauge("kdray_store_limit_bytes", "Most disk space for them (--store-limit).",
-          *backend.store_limit_bytes);
-  }
-  if (backend.store_free_bytes) {
-    gauge("kdray_store_free_bytes", "Free space on the disk of the data directory.",
-          *backend.store_free_bytes);
-  }
-  gauge("kdray_trees", "Tree ids that exist now.", backend.trees);
-  gauge("kdray_unrecorded_meshes", "Stored meshes without a tree.", backend.unrecorded_meshes);
-  gauge("kdray_unreadable_meshes", "Meshes of trees that are damaged or missing.",
-        backend.unreadable_meshes);
-  counter("kdray_tree_cache_hits_total", "Trees that requests found in memory.",
-          backend.cache_hits);
-  counter("kdray_tree_loads_total", "Trees read from disk instead of built.", backend.loads);
-  counter("kdray_tree_builds_total", "Trees built, rebuilt ones included.", backend.builds);
-  counter("kdray_tree_rebuilds_total", "Builds of trees that were ready before.", backend.rebuilds);
-  counter("kdray_binary_tree_rebuilds_total", "Binary trees rebuilt for cells.",
-          backend.binary_rebuilds);
-  counter("kdray_mesh_parses_total", "Mesh files read.", backend.parses);
-  counter("kdray_attribute_reads_total", "Mesh files read for their attributes.",
-          backend.attribute_reads);
-  counter("kdray_evictions_total", "Meshes and trees dropped from memory to make room.",
-          backend.evictions);
-  counter("kdray_damaged_files_total", "Stored files that failed their check.",
-          backend.damaged_files);
-  counter("kdray_dropped_log_lines_total", "Log lines dropped because they were not read in time.",
-          now.dropped_log_lines);
-  gauge("process_resident_memory_bytes", "Memory of the process, as the system counts it.",
-        now.process.resident_bytes);
-  gauge("process_open_fds", "Open file descriptors.", now.process.open_descriptors);
-  gauge("process_max_fds", "Most open file descriptors.", now.process.max_descriptors);
-  families.push_back(Single(MetricType::Counter, "process_cpu_seconds_total",
-                            "Processor time of all threads, user and system.",
-                            now.process.cpu_seconds));
-}
-
 }  // namespace
 
 class Metrics::Impl {
  public:
-  explicit Impl(std::span<const Route> routes)
-      : requests(registry, routes), rows(registry, routes) {
+  Impl(std::span<const Route> routes, std::size_t most_request_series)
+      : requests(registry, routes, most_request_series), rows(registry, routes) {
     auto& durations = prometheus::BuildHistogram()
                           .Name("kdray_http_request_duration_seconds")
                           .Help(
@@ -333,7 +271,9 @@ class Metrics::Impl {
                            .Add({});
 };
 
-Metrics::Metrics(std::span<const Route> routes) : impl_(std::make_unique<Impl>(routes)) {}
+Metrics::Metrics(std::span<const Route> routes, bool has_shared_store)
+    : impl_(std::make_unique<Impl>(
+          routes, has_shared_store ? kMaxRequestSeries - kSharedStoreSeries : kMaxRequestSeries)) {}
 Metrics::~Metrics() = default;
 
 void Metrics::Answered(const HttpRecord& record) noexcept {
@@ -382,7 +322,7 @@ void Metrics::CountPicture(const api::RenderCounts& counts) noexcept {
 }
 
 std::string Metrics::Text(const CurrentValues& now) const {
-  std::vector<MetricFamily> families = impl_->registry.Collect();
+  std::vector<prometheus::MetricFamily> families = impl_->registry.Collect();
   AppendCurrent(now, families);
   std::ostringstream out;
   prometheus::TextSerializer().Serialize(out, families);

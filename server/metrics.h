@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the daemon counts about itself, for GET /metrics. Its .cc is the only file that includes
-// prometheus-cpp.
+// What the daemon counts about itself, for GET /metrics. Its .cc and server/current_metrics.h are
+// the only files that include prometheus-cpp.
 #pragma once
 
 #include <cstddef>
@@ -35,11 +35,13 @@ class Metrics {
   static constexpr std::size_t kMaxSeries = 200;
   /// Lines of kdray_http_requests_total. A pair of route and status gets its line when it first
   /// occurs. When this many are there, the route of a new pair is "other".
-  static constexpr std::size_t kMaxRequestSeries = 66;
+  static constexpr std::size_t kMaxRequestSeries = 78;
+  /// Lines of a shared store; with one, there are fewer for pairs.
+  static constexpr std::size_t kSharedStoreSeries = 27;
   static constexpr std::string_view kContentType = "text/plain; version=0.0.4; charset=utf-8";
 
-  /// The routes' texts must outlive this.
-  explicit Metrics(std::span<const Route> routes);
+  /// The routes' texts must outlive this. `has_shared_store`: values may have those of one.
+  explicit Metrics(std::span<const Route> routes, bool has_shared_store = false);
   ~Metrics();
   Metrics(const Metrics&) = delete;
   Metrics& operator=(const Metrics&) = delete;

@@ -89,7 +89,7 @@ Service::Service(ServiceOptions options, Backend& backend, const Log& log)
       log_(log),
       admission_(options_.max_running, options_.max_queued, options_.short_factor),
       memory_(options_.request_memory_bytes, options_.memory_lender),
-      metrics_(options_.routes),
+      metrics_(options_.routes, backend.counters().shared.has_value()),
       context_{.backend = backend,
                .limits = options_.limits,
                .admission = admission_,

@@ -23,7 +23,8 @@ Error NoSuchTree() { return Error{ErrorCode::kNotFound, "no tree has this id"}; 
 SharedTrees::SharedTrees(const SharedTreesOptions& options, Parts parts)
     : confirm_every_(options.confirm_every),
       parts_(std::move(parts)),
-      objects_(options.store, options.retries, options.on_change),
+      counting_(options.store),
+      objects_(&counting_, options.retries, options.on_change),
       shared_(&objects_),
       lookup_queue_(0, kLookupThreads, 0),
       transfer_queue_(0, kTransferThreads, 0) {}
@@ -61,7 +62,8 @@ SharedTrees::Counts SharedTrees::counts() const {
     const std::lock_guard lock(mutex_);
     counts = counts_;
   }
-  counts.requests = objects_.counts();
+  counts.requests = counting_.counts();
+  counts.retries = objects_.counts();
   return counts;
 }
 

@@ -28,6 +28,7 @@
 #include "core/library/tree_registry.h"
 #include "core/library/tree_remover.h"
 #include "core/library/work_queue.h"
+#include "core/store/counting_store.h"
 #include "core/store/object_store.h"
 #include "core/store/retrying_store.h"
 #include "core/store/scene_store.h"
@@ -98,11 +99,16 @@ class SharedTrees {
   /// fails.
   void StoreLater(const TreeRecord& record, BuildKind build) noexcept;
 
+  /// Files that were needed.
+  struct FileCounts {
+    std::uint64_t here = 0;     ///< in the data directory
+    std::uint64_t fetched = 0;  ///< from the store
+  };
   struct Counts {
-    std::uint64_t lookups = 0;         ///< questions whether a tree exists
-    std::uint64_t fetched_meshes = 0;  ///< from the store
-    std::uint64_t fetched_trees = 0;
-    RetryingStore::Counts requests;
+    std::uint64_t lookups = 0;  ///< questions whether a tree exists
+    FileCounts meshes, trees;   ///< a tree that is nowhere is built
+    StoreCounts requests;
+    RetryingStore::Counts retries;
   };
   Counts counts() const;
 
@@ -136,6 +142,7 @@ class SharedTrees {
   Status FetchMesh(const Sha256Digest& mesh, std::uint64_t bytes, const CancelToken& cancel);
   Status PlaceMesh(const Sha256Digest& mesh, NewMesh file);
   void BringTree(const Sha256Digest& mesh, BuildKind build, const CancelToken& cancel);
+  void Note(std::uint64_t FileCounts::*where, FileCounts Counts::*what);
   void Store(const TreeRecord& record, BuildKind build);
   void SubmitTransfer(const Sha256Digest& mesh, std::function<void()> job) noexcept;
   Result<std::vector<SharedStore::Listed>> ListPage(const std::optional<TreePosition>& after,
@@ -145,6 +152,7 @@ class SharedTrees {
 
   const std::chrono::milliseconds confirm_every_;
   const Parts parts_;
+  CountingStore counting_;
   RetryingStore objects_;
   SharedStore shared_;
   const CancelToken stop_ = CancelToken::Cancellable();

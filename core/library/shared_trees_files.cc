@@ -48,6 +48,11 @@ class SharedTrees::FetchTurn {
   Sha256Digest mesh_;
 };
 
+void SharedTrees::Note(std::uint64_t FileCounts::*where, FileCounts Counts::*what) {
+  const std::lock_guard lock(mutex_);
+  ++(counts_.*what.*where);
+}
+
 Result<SharedTrees::Buffer> SharedTrees::MakeBuffer(std::uint64_t object_bytes) {
   const std::size_t bytes = SharedStore::BufferBytes(object_bytes);
   std::optional<MemoryCharge> charge = parts_.budget->TryReserve(bytes);
@@ -65,12 +70,15 @@ Status SharedTrees::BringMesh(const Sha256Digest& mesh, const CancelToken& cance
   };
   std::optional<TreeRegistry::MeshInfo> info = parts_.registry->FindMesh(mesh);
   if (!info) return NoSuchTree();
-  if (is_here(info->bytes)) return {};
+  if (is_here(info->bytes)) {
+    Note(&FileCounts::here, &Counts::meshes);
+    return {};
+  }
   const std::optional<FetchTurn> turn = FetchTurn::Wait(this, mesh, cancel);
   if (!turn) return (cancel.ShouldStop() ? cancel : stop_).ToError();
   info = parts_.registry->FindMesh(mesh);
   if (!info) return NoSuchTree();
-  if (is_here(info->bytes)) return {};
+  if (is_here(info->bytes)) return {};  // another request has fetched it
   return FetchMesh(mesh, info->bytes, cancel);
 }
 
@@ -113,8 +121,7 @@ Status SharedTrees::PlaceMesh(const Sha256Digest& mesh, NewMesh file) {
   parts_.registry->NoteMeshStored(mesh, bytes);
   // After a start without the store, the trees are known.
   for (const TreeRecord& record : records) (void)parts_.store->SaveRecord(record);
-  const std::lock_guard lock(mutex_);
-  ++counts_.fetched_meshes;
+  Note(&FileCounts::fetched, &Counts::meshes);
   return {};
 }
 
@@ -127,7 +134,11 @@ Status SharedTrees::BringFiles(const TreeRecord& record, const CancelToken& canc
 
 // Whatever goes wrong, the tree can be built.
 void SharedTrees::BringTree(const Sha256Digest& mesh, BuildKind build, const CancelToken& cancel) {
-  if (parts_.store->TreeFileBytes(mesh, build) != 0 || objects_.IsAway()) return;
+  if (parts_.store->TreeFileBytes(mesh, build) != 0) {
+    Note(&FileCounts::here, &Counts::trees);
+    return;
+  }
+  if (objects_.IsAway()) return;
   if (parts_.cache->FindTree(mesh, build) != nullptr) return;
   const Result<std::uint64_t> bytes = shared_.TreeBytes(mesh, build, cancel);
   if (!bytes.ok()) return;
@@ -142,8 +153,7 @@ void SharedTrees::BringTree(const Sha256Digest& mesh, BuildKind build, const Can
     return read;
   });
   if (!stored.ok() || !is_fetched) return;
-  const std::lock_guard lock(mutex_);
-  ++counts_.fetched_trees;
+  Note(&FileCounts::fetched, &Counts::trees);
 }
 
 }  // namespace kdray::core

@@ -60,9 +60,9 @@ struct LibraryCounters {
   std::uint64_t attribute_reads = 0;  ///< AttributeLoader
   std::uint64_t damaged_files = 0, evictions = 0;
   std::uint64_t memory_bytes = 0, store_bytes = 0, trees = 0;
-  std::uint64_t unrecorded_meshes = 0;  ///< stored meshes without a tree (SceneStore)
-  std::uint64_t unreadable_meshes = 0;  ///< meshes of trees, damaged or missing
-  SharedTrees::Counts shared;
+  std::uint64_t unrecorded_meshes = 0;        ///< stored meshes without a tree (SceneStore)
+  std::uint64_t unreadable_meshes = 0;        ///< meshes of trees, damaged or missing
+  std::optional<SharedTrees::Counts> shared;  ///< nullopt without a shared store
 };
 
 /// Every method is safe from many threads at once. All methods that take an id may return

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dashboard, the rules and the settings of server/deploy/prometheus, in Debian's Prometheus over
-three replicas: prometheus_test.py KDRAYD KDRAY
+three replicas that share a store: prometheus_test.py KDRAYD KDRAY
 
-The test sends requests of every kind and counts them itself. Exits with 77 (skipped) if HAProxy or
+The test sends requests of every kind and counts them itself; the store counts those it gets. Exits with 77 (skipped) if HAProxy or
 Prometheus is not installed.
 """
 import collections
@@ -20,6 +20,7 @@ from pathlib import Path
 
 import yaml
 
+import fake_s3
 from prometheus import DEPLOY, PROMETHEUS, PROMTOOL, Prometheus, filled, queries
 from replicas import HAPROXY, ROOT, Replicas, mesh, request
 
@@ -88,8 +89,14 @@ class Counts(collections.Counter):
 class DashboardTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.replicas = Replicas(KDRAYD, options=(
-            "--threads", "1", "--memory-limit", f"{MEMORY_BYTES >> 20}MiB"))
+        cls.store = fake_s3.FakeS3()
+        cls.store.start()
+        cls.addClassCleanup(cls.store.stop)
+        cls.replicas = Replicas(
+            KDRAYD, options=("--threads", "1", "--memory-limit", f"{MEMORY_BYTES >> 20}MiB",
+                             "--store", f"s3://{fake_s3.BUCKET}/metrics"),
+            AWS_ACCESS_KEY_ID=fake_s3.KEY_ID, AWS_SECRET_ACCESS_KEY=fake_s3.SECRET,
+            AWS_ENDPOINT_URL=cls.store.url)
         cls.addClassCleanup(cls.replicas.__exit__)
         cls.prometheus = Prometheus(cls.replicas)
         cls.addClassCleanup(cls.prometheus.__exit__)
@@ -118,6 +125,7 @@ class DashboardTest(unittest.TestCase):
         cls.sampled_s = min(times[-1] - times[0] for times in
                             cls.prometheus.sample_times("up", cls.window_s, cls.at))
         cls.trees = uploads
+        cls.store_requests = list(cls.store.requests)
         cls.values = {}  # by (title, legend): [(labels, value)]
         for title, legend, expression in queries():
             cls.values[title, legend] = cls.prometheus.query(
@@ -228,6 +236,21 @@ class DashboardTest(unittest.TestCase):
         for legend in ("log lines", "connections", "accept", "files"):
             self.assertEqual(set(self.by("Trouble", f"{{{{replica}}}} {legend}", "replica").values()),
                              {0})
+
+    def test_requests_to_the_store_are_those_that_it_got(self):
+        operations = {"GET": "get", "HEAD": "head", "PUT": "put", "POST": "put", "DELETE": "delete"}
+        got = collections.Counter("list" if method == "GET" and key == "" else operations[method]
+                                  for method, key, _ in self.store_requests)
+        told = {labels["operation"]: value for labels, value in self.prometheus.query(
+            'sum by (operation) (kdray_shared_store_requests_total{outcome="answered"})', self.at)}
+        self.assertEqual({name: value for name, value in told.items() if value}, dict(got))
+        (_, failed), = self.prometheus.query(
+            'sum(kdray_shared_store_requests_total{outcome="failed"})', self.at)
+        self.assertEqual(failed, 0)
+        self.assertEqual(set(self.by("Store away", "{{replica}}", "replica").values()), {0})
+        (_, sent), = self.prometheus.query("sum(kdray_shared_store_sent_bytes_total)", self.at)
+        self.assertGreaterEqual(sent, sum(len(body) for body, _ in self.store.objects.values()))
+        self.assertTrue(0 < self.single("Time of requests to the store", "p99") < 5)
 
     def test_every_rule_is_evaluated_without_an_error(self):
         self.prometheus.wait_until(

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <map>
 #include <set>
 #include <sstream>
@@ -78,18 +79,40 @@ void CountEverything(Metrics& metrics) {
   metrics.GotTurn(1);
 }
 
+SharedStoreCounters SharedValues() {
+  SharedStoreCounters shared;
+  shared.requests = {
+      {"list", 20, 1}, {"head", 21, 2}, {"get", 22, 3}, {"put", 23, 4}, {"delete", 24, 0}};
+  shared.times = {{0.005, 50}, {0.025, 60}, {0.1, 70}, {0.5, 80}, {2.5, 90}, {INFINITY, 120}};
+  shared.seconds = 12.5;
+  shared.retries = 5;
+  shared.sent_bytes = 6;
+  shared.received_bytes = 7;
+  shared.lookups = 8;
+  shared.meshes = {9, 10};
+  shared.trees = {11, 12};
+  shared.is_away = true;
+  return shared;
+}
+
 /// With those that a daemon may lack.
 CurrentValues AllValues() {
   CurrentValues now;
   now.backend.store_limit_bytes = 7;
   now.backend.store_free_bytes = 8;
+  now.backend.shared = SharedValues();
   return now;
 }
 
-TEST(Metrics, HaveAtMost200SeriesWhateverClientsSend) {
-  Metrics metrics(Routes());
+class MetricsWithAStoreOrWithout : public testing::TestWithParam<bool> {};
+INSTANTIATE_TEST_SUITE_P(Metrics, MetricsWithAStoreOrWithout, testing::Bool());
+
+TEST_P(MetricsWithAStoreOrWithout, HaveAtMost200SeriesWhateverClientsSend) {
+  Metrics metrics(Routes(), GetParam());
   CountEverything(metrics);
-  const Exposition parsed = Parse(metrics.Text(AllValues()));
+  CurrentValues now = AllValues();
+  if (!GetParam()) now.backend.shared.reset();
+  const Exposition parsed = Parse(metrics.Text(now));
   EXPECT_LE(parsed.series.size(), Metrics::kMaxSeries);
   std::size_t requests = 0;
   double counted = 0;
@@ -98,7 +121,7 @@ TEST(Metrics, HaveAtMost200SeriesWhateverClientsSend) {
     ++requests;
     counted += value;
   }
-  EXPECT_EQ(requests, Metrics::kMaxRequestSeries);
+  EXPECT_EQ(requests, Metrics::kMaxRequestSeries - (GetParam() ? Metrics::kSharedStoreSeries : 0));
   EXPECT_EQ(counted, 500.0 * static_cast<double>(Routes().size() + 2)) << "each request once";
 }
 
@@ -233,6 +256,33 @@ TEST(Metrics, ReadWhatOthersCount) {
   EXPECT_THAT(text, HasSubstr("\nkdray_dropped_log_lines_total 4\n"));
   EXPECT_THAT(text, HasSubstr("\nkdray_tree_builds_total 5\n"));
   EXPECT_THAT(text, HasSubstr("\nkdray_store_bytes 6\n"));
+}
+
+TEST(Metrics, TellWhatIsCountedOfASharedStore) {
+  Metrics metrics(Routes(), true);
+  Exposition parsed = Parse(metrics.Text(AllValues()));
+  const std::string store = "kdray_shared_store_";
+  const auto requests = [&](const std::string& operation, const std::string& outcome) {
+    return parsed.series[store + "requests_total{operation=\"" + operation + "\",outcome=\"" +
+                         outcome + "\"}"];
+  };
+  EXPECT_EQ(requests("list", "answered"), 20);
+  EXPECT_EQ(requests("put", "failed"), 4);
+  EXPECT_EQ(parsed.series[store + "request_duration_seconds_bucket{le=\"0.025\"}"], 60);
+  EXPECT_EQ(parsed.series[store + "request_duration_seconds_bucket{le=\"+Inf\"}"], 120);
+  EXPECT_EQ(parsed.series[store + "request_duration_seconds_count"], 120);
+  EXPECT_EQ(parsed.series[store + "request_duration_seconds_sum"], 12.5);
+  EXPECT_EQ(parsed.series[store + "retries_total"], 5);
+  EXPECT_EQ(parsed.series[store + "sent_bytes_total"], 6);
+  EXPECT_EQ(parsed.series[store + "received_bytes_total"], 7);
+  EXPECT_EQ(parsed.series[store + "lookups_total"], 8);
+  EXPECT_EQ(parsed.series[store + "files_total{file=\"mesh\",place=\"directory\"}"], 9);
+  EXPECT_EQ(parsed.series[store + "files_total{file=\"tree\",place=\"store\"}"], 12);
+  EXPECT_EQ(parsed.series[store + "away"], 1);
+  std::size_t lines = 0;
+  for (const auto& [series, value] : parsed.series) lines += series.starts_with(store) ? 1 : 0;
+  EXPECT_EQ(lines, Metrics::kSharedStoreSeries);
+  EXPECT_EQ(metrics.Text({}).find(store), std::string::npos);
 }
 
 TEST(Metrics, TellLimitsOnlyIfThereAreAny) {

@@ -42,8 +42,12 @@ TEST_F(SharedTreesTest, WhatOneLibraryTookTheOtherAnswersWithoutABuild) {
   const core::LibraryCounters counters = library(1).counters();
   EXPECT_EQ(counters.builds, 0u);
   EXPECT_EQ(counters.loads, 1u);
-  EXPECT_EQ(counters.shared.fetched_meshes, 1u);
-  EXPECT_EQ(counters.shared.fetched_trees, 1u);
+  EXPECT_EQ(counters.shared->meshes.fetched, 1u);
+  EXPECT_EQ(counters.shared->trees.fetched, 1u);
+  const auto first = library(0).counters().shared;
+  EXPECT_GE(first->meshes.here, 1u) << "whoever took a mesh has its file";
+  EXPECT_EQ(first->meshes.fetched, 0u);
+  EXPECT_EQ(first->trees.fetched, 0u);
   const auto info = library(1).Find(id);
   ASSERT_TRUE(info.ok());
   const core::TreeRecord original = library(0).Find(id)->record;
@@ -82,14 +86,14 @@ TEST_F(SharedTreesTest, ADeletionHoldsAfterTheStatedTimeAndCostsNoRequestBefore)
   Open(1);
   const TreeId id = Add(0, SphereBytes(1));
   EXPECT_EQ(CodeOfLoad(1, id), std::nullopt);
-  ASSERT_TRUE(WaitUntil([&] { return library(1).counters().shared.fetched_meshes == 1; }));
+  ASSERT_TRUE(WaitUntil([&] { return library(1).counters().shared->meshes.fetched == 1; }));
   ASSERT_TRUE(library(0).Delete(id).ok());
   const auto deleted = std::chrono::steady_clock::now();
-  const std::uint64_t lookups = library(1).counters().shared.lookups;
+  const std::uint64_t lookups = library(1).counters().shared->lookups;
   while (std::chrono::steady_clock::now() < deleted + milliseconds(100)) {
     EXPECT_EQ(CodeOfLoad(1, id), std::nullopt) << "still confirmed";
   }
-  EXPECT_LE(library(1).counters().shared.lookups, lookups + 1);
+  EXPECT_LE(library(1).counters().shared->lookups, lookups + 1);
   std::this_thread::sleep_until(deleted + milliseconds(400));
   EXPECT_EQ(CodeOfLoad(1, id), ErrorCode::kNotFound);
 }
@@ -111,7 +115,7 @@ TEST_F(SharedTreesTest, ATreeInUseIsConfirmedWhileNobodyWaits) {
     slowest = std::max(slowest, std::chrono::steady_clock::now() - start);
     std::this_thread::sleep_for(milliseconds(2));
   }
-  EXPECT_GE(library(1).counters().shared.lookups, 4u);
+  EXPECT_GE(library(1).counters().shared->lookups, 4u);
   EXPECT_LT(slowest, milliseconds(50)) << "a lookup takes 60 ms";
   objects_.set_faults({});
 }
@@ -279,7 +283,7 @@ TEST_F(SharedTreesTest, WhatTheDiskHasNoRoomForIsFetchedAgain) {
     EXPECT_EQ(CodeOfLoad(1, second), std::nullopt);
     Add(1, SphereBytes(3 + round, 30));  // evicts one of them
   }
-  EXPECT_GE(library(1).counters().shared.fetched_meshes, 3u);
+  EXPECT_GE(library(1).counters().shared->meshes.fetched, 3u);
 }
 
 TEST_F(SharedTreesTest, ADirectoryIsTheCacheOfOneStoreAndNothingElse) {
@@ -330,7 +334,7 @@ TEST_F(SharedTreesTest, ManyWhoAskForOneTreeFetchItOnce) {
     });
   }
   for (std::thread& thread : threads) thread.join();
-  EXPECT_EQ(library(1).counters().shared.fetched_meshes, 1u);
+  EXPECT_EQ(library(1).counters().shared->meshes.fetched, 1u);
 }
 
 TEST_F(SharedTreesTest, ARequestThatIsCancelledDoesNotWaitForTheStore) {
