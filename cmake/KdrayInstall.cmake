@@ -113,6 +113,8 @@ set(CPACK_DEBIAN_KDRAY_PACKAGE_NAME kdray)
 set(CPACK_DEBIAN_KDRAY_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_KDRAY_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_KDRAY_PACKAGE_DEPENDS passwd)
+# For a shared store by HTTPS.
+set(CPACK_DEBIAN_KDRAY_PACKAGE_RECOMMENDS ca-certificates)
 set(CPACK_DEBIAN_KDRAY_PACKAGE_SUGGESTS "haproxy, libkdray-dev")
 set(CPACK_COMPONENT_KDRAY_DESCRIPTION "ray queries and renders over triangle meshes
 The daemon kdrayd answers ray and point queries over triangle meshes and

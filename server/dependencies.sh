@@ -79,6 +79,7 @@ END
         *) echo libcpp-httplib0.18 libcurl4t64 libspdlog1.15 libssl3t64 ;;
       esac | tr ' ' '\n'
       cat <<'END'
+ca-certificates
 libcairo2
 libdeflate0
 libgmp10
