@@ -47,7 +47,13 @@ void TraceBlock(const KernelJob& job, std::size_t first, std::size_t last) {
   CancelPoll poll(job.cancel);
   KernelJob own = job;
   own.poll = &poll;
+  HitPieces::Rest rest;
+  if (job.lists.pieces != nullptr) {
+    rest = job.lists.pieces->Take();
+    own.lists.rest = &rest;
+  }
   trace(own, first, last);
+  if (job.lists.pieces != nullptr) job.lists.pieces->GiveBack(rest);
   if (poll.stopped()) job.stopped->store(true, std::memory_order_relaxed);
 }
 

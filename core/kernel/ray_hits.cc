@@ -14,36 +14,41 @@ namespace {
 constexpr std::uint64_t kHitWork = 16;
 // Most rays have fewer hits, so their lists are sorted once.
 constexpr std::size_t kLeastFull = 64;
-// Hits of a block that are added to the batch's total together.
+// Hits that a thread adds to the batch's total together.
 constexpr std::size_t kCounted = 1024;
+// Hits of the first piece, and of the largest: a huge page of them.
+constexpr std::size_t kFirstPiece = std::size_t{1} << 11;
+constexpr std::size_t kLargestPiece = std::size_t{1} << 16;
 
 }  // namespace
+
+HitPieces::Rest HitPieces::Take() {
+  const std::lock_guard lock(mutex_);
+  if (rests_.empty()) return {};
+  const Rest rest = rests_.back();
+  rests_.pop_back();
+  return rest;
+}
+
+void HitPieces::GiveBack(const Rest& rest) {
+  const std::lock_guard lock(mutex_);
+  rests_.push_back(rest);
+}
+
+void HitPieces::Renew(std::size_t count, Rest* rest) {
+  const std::lock_guard lock(mutex_);
+  const std::size_t usual =
+      std::min(kFirstPiece << std::min<std::size_t>(pieces_.size(), 16), kLargestPiece);
+  HugeVector<Hit>& piece = pieces_.emplace_back(std::max(count, usual));
+  rest->next = piece.data();
+  rest->end = piece.data() + piece.size();
+}
 
 void NearestHits::Begin(std::size_t max_hits) {
   max_hits_ = max_hits;
   full_ = std::max(kLeastFull, max_hits > hits_.max_size() / 2 ? max_hits : 2 * max_hits);
   is_truncated_ = false;
   hits_.clear();
-}
-
-std::span<Hit> NearestHits::DropRepeats(CancelPoll* poll) {
-  // Of a triangle's entries, one with a known t comes first.
-  const auto is_unknown = [](const Hit& hit) { return std::isnan(hit.t); };
-  PolledSort(std::span(hits_), kHitWork, poll, [&](const Hit& a, const Hit& b) {
-    return a.primitive_id < b.primitive_id ||
-           (a.primitive_id == b.primitive_id && !is_unknown(a) && is_unknown(b));
-  });
-  hits_.erase(
-      std::unique(hits_.begin(), hits_.end(),
-                  [](const Hit& a, const Hit& b) { return a.primitive_id == b.primitive_id; }),
-      hits_.end());
-  return Unknown();
-}
-
-std::span<Hit> NearestHits::Unknown() {
-  const auto unknown =
-      std::partition(hits_.begin(), hits_.end(), [](const Hit& hit) { return !std::isnan(hit.t); });
-  return {unknown, hits_.end()};
 }
 
 double NearestHits::KeepNearest(const std::function<void(std::span<Hit>)>& order_ties,
@@ -80,16 +85,17 @@ void NearestHits::Store(std::size_t row, const HitLists& lists) const {
 
 std::span<Hit> NearestHits::Append(std::size_t row, std::size_t count, bool is_truncated,
                                    const HitLists& lists) {
-  std::vector<Hit>& block = lists.blocks[lists.block];
-  HitRow& at = lists.rows[row];
-  at.first = block.size();
-  at.size = static_cast<std::uint32_t>(count);
-  at.block = static_cast<std::uint32_t>(lists.block) & 0x7fffffffu;
-  at.is_truncated = is_truncated ? 1 : 0;
-  block.resize(block.size() + count);
-  const std::size_t counted = block.size() / kCounted - at.first / kCounted;
-  if (counted != 0) lists.total->fetch_add(counted * kCounted, std::memory_order_relaxed);
-  return std::span(block).subspan(at.first);
+  HitPieces::Rest& rest = *lists.rest;
+  if (count > static_cast<std::size_t>(rest.end - rest.next)) lists.pieces->Renew(count, &rest);
+  Hit* const hits = rest.next;
+  rest.next += count;
+  lists.rows[row] = {hits, static_cast<std::uint32_t>(count), is_truncated};
+  rest.uncounted += count;
+  if (rest.uncounted >= kCounted) {
+    lists.total->fetch_add(rest.uncounted, std::memory_order_relaxed);
+    rest.uncounted = 0;
+  }
+  return {hits, count};
 }
 
 }  // namespace kdray::core

@@ -40,19 +40,12 @@ HitFilter::Options FilterOf(const TraceOptions& options) {
   return {options.cull, options.starts_on_surface, options.ends_on_surface, options.surface_offset};
 }
 
-/// Traces the job's rays, whose choice of a kernel is made. `first_row` is the number of row 0 in
-/// the whole batch, a multiple of kBlockRays.
-void TraceInBlocks(const KernelJob& job, std::size_t first_row) {
-  const auto trace = [&](const KernelJob& rows, std::size_t first, std::size_t last,
-                         std::size_t first_of_block) {
-    KernelJob block = rows;
-    block.lists.block = (first_row + first_of_block) / kBlockRays;
-    TraceBlock(block, first, last);
-  };
+/// Traces the job's rays, whose choice of a kernel is made.
+void TraceInBlocks(const KernelJob& job) {
   const RayBatch& rays = job.rays;
   if (!job.sort) {
     ParallelFor(0, rays.size(), kBlockRays,
-                [&](std::size_t first, std::size_t last) { trace(job, first, last, first); });
+                [&](std::size_t first, std::size_t last) { TraceBlock(job, first, last); });
     return;
   }
   static_assert(kSortedRays % kBlockRays == 0);
@@ -64,7 +57,7 @@ void TraceInBlocks(const KernelJob& job, std::size_t first_row) {
     KernelJob sorted = job;
     sorted.rows = rows.data();
     ParallelFor(0, rows.size(), kBlockRays,
-                [&](std::size_t a, std::size_t b) { trace(sorted, a, b, first + a); });
+                [&](std::size_t a, std::size_t b) { TraceBlock(sorted, a, b); });
   });
 }
 
@@ -123,11 +116,11 @@ Status TraceByKernel(const Scene& scene, const RayBatch& rays, const TraceOption
       if (piece.counts != nullptr) piece.counts += first;
       if (piece.lists.rows != nullptr) piece.lists.rows += first;
       ChooseKernel(overrides, &piece);
-      TraceInBlocks(piece, first);
+      TraceInBlocks(piece);
     });
   } else {
     ChooseKernel(overrides, &job);
-    TraceInBlocks(job, 0);
+    TraceInBlocks(job);
   }
   if (stopped) return cancel.ToError();
   return {};
@@ -162,12 +155,11 @@ Status TraceCount(const Scene& scene, RayBatch rays, const TraceOptions& options
 
 Result<AllHits> TraceAll(const Scene& scene, RayBatch rays, const TraceOptions& options,
                          std::size_t max_hits, std::size_t most_hits) {
-  // Each block of rays fills its own list, so threads do not conflict.
-  std::vector<std::vector<Hit>> blocks((rays.size() + kBlockRays - 1) / kBlockRays);
+  HitPieces pieces;
   std::vector<HitRow> rows(rays.size());
   std::atomic<std::size_t> total{0};
   KernelJob job;
-  job.lists = {max_hits, rows.data(), blocks.data(), 0, &total};
+  job.lists = {max_hits, rows.data(), &pieces, nullptr, &total};
   const CancelToken limited = CancelToken::When([&] {
     return options.cancel.ShouldStop() || total.load(std::memory_order_relaxed) > most_hits;
   });
@@ -183,7 +175,7 @@ Result<AllHits> TraceAll(const Scene& scene, RayBatch rays, const TraceOptions& 
   all.first.push_back(0);
   for (std::size_t i = 0; i < rays.size(); ++i) {
     all.first.push_back(all.first.back() + rows[i].size);
-    if (rows[i].is_truncated != 0) all.truncated.push_back(i);
+    if (rows[i].is_truncated) all.truncated.push_back(i);
   }
   if (all.first.back() > most_hits) {
     all = {};
@@ -194,9 +186,7 @@ Result<AllHits> TraceAll(const Scene& scene, RayBatch rays, const TraceOptions& 
   const Status joined = ForEachChunk(
       rays.size(), options.cancel, [&](std::size_t first, std::size_t last, CancelPoll* poll) {
         for (std::size_t i = first; i < last && !poll->Spend(1 + rows[i].size); ++i) {
-          const auto from =
-              blocks[rows[i].block].begin() + static_cast<std::ptrdiff_t>(rows[i].first);
-          std::copy_n(from, rows[i].size,
+          std::copy_n(rows[i].hits, rows[i].size,
                       all.hits.begin() + static_cast<std::ptrdiff_t>(all.first[i]));
         }
       });

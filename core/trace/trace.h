@@ -13,6 +13,7 @@
 
 #include "core/base/cancel.h"
 #include "core/base/cancel_poll.h"
+#include "core/base/huge_pages.h"
 #include "core/base/result.h"
 #include "core/geometry/hit.h"
 #include "core/geometry/ray.h"
@@ -78,7 +79,7 @@ Status TraceCount(const Scene& scene, RayBatch rays, const TraceOptions& options
 
 /// All hits of a batch, ray by ray.
 struct AllHits {
-  std::vector<Hit> hits;
+  HugeVector<Hit> hits;
   std::vector<std::size_t> first;      ///< ray i has hits [first[i], first[i + 1])
   std::vector<std::size_t> truncated;  ///< rays that hit more than `max_hits` triangles, ascending
   /// The batch has more hits than `most_hits`; the lists are then empty.

@@ -5,7 +5,8 @@
 // the numbers of crossings on the two sides of a point are both odd or both even. Writes CSV to
 // standard output; tests/bench/hits runs it.
 //
-// Options: --mesh NAME (may be repeated), --runs N, --rays N, --quick (a tenth of the rays).
+// Options: --mesh NAME (may be repeated), --build NAME (kd-sah), --runs N, --rays N, --quick (a
+// tenth of the rays).
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
@@ -38,6 +39,7 @@ struct Options {
   std::vector<std::string> meshes;
   int runs = 5;
   std::size_t rays = 1'000'000;
+  core::BuildKind build = core::BuildKind::kKdSah;
 };
 
 double ThreadSeconds() {
@@ -200,8 +202,8 @@ void RunMesh(const std::string& name, const Options& options) {
   const BenchMesh bench = LoadBenchMesh(name);
   const auto mesh =
       std::make_shared<const core::TriangleMesh>(core::TriangleMesh::Create(bench.data).value());
-  const core::Scene scene{mesh, std::make_shared<const core::Tree>(
-                                    core::BuildTree(*mesh, core::BuildKind::kKdSah).value())};
+  const core::Scene scene{
+      mesh, std::make_shared<const core::Tree>(core::BuildTree(*mesh, options.build).value())};
   const std::vector<RayF> rays = RandomRays(*mesh, options.rays);
   const std::span<const RayF> batch(rays);
   const double millions = static_cast<double>(rays.size()) * 1e-6;
@@ -261,6 +263,14 @@ int Main(int argc, char** argv) {
     };
     if (name == "--mesh") {
       options.meshes.push_back(value());
+    } else if (name == "--build") {
+      const std::string build = value();
+      if (const auto kind = core::ParseBuildKind(build)) {
+        options.build = *kind;
+      } else {
+        std::fprintf(stderr, "no such build: %s\n", build.c_str());
+        return 2;
+      }
     } else if (name == "--runs") {
       options.runs = std::max(1, std::atoi(value().c_str()));
     } else if (name == "--rays") {

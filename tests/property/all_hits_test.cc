@@ -307,7 +307,7 @@ TEST(Cull, LeavesTheHitsOfTheOtherSideOnly) {
     for (const Cull cull : {Cull::kBack, Cull::kFront}) {
       way.cull = cull;
       const AllHits kept = TraceAll(scene, std::span<const Ray>(rays), way, kEvery).value();
-      std::vector<Hit> want;
+      HugeVector<Hit> want;
       for (std::size_t i = 0; i < rays.size(); ++i) {
         for (std::size_t k = every.first[i]; k < every.first[i + 1]; ++k) {
           const bool front = SideMet(*scene.mesh, rays[i], every.hits[k].primitive_id) > 0;

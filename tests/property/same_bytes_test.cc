@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <random>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -52,7 +53,7 @@ Answers Trace(const Scene& scene, const std::vector<AnyRay>& rays, const TraceOp
 }
 
 /// Bit for bit, NaN and signs of zeros included.
-bool SameBits(const std::vector<Hit>& a, const std::vector<Hit>& b) {
+bool SameBits(std::span<const Hit> a, std::span<const Hit> b) {
   if (a.size() != b.size()) return false;
   const auto bits = [](const Hit& h) {
     return std::array{std::bit_cast<std::uint64_t>(h.t), std::bit_cast<std::uint64_t>(h.u),

@@ -33,100 +33,122 @@ struct ExactDecision {
   double low[4], high[4];  ///< bounds of the exact local parameter of LocalRay
 };
 
+/// Decides on four pairs of a ray and a triangle; each number is one for all four or one for each.
+/// corner_at(corner, axis) gives the triangles' coordinates; `axis` is that of the directions'
+/// largest component, `inverse` 1 / that. For the errors see ExactRay; origin_rounding is
+/// RoundedRay's.
+///
+/// One bound serves a triangle's three volumes, product_error * m^2 + origin_error * m, where no
+/// coordinate is beyond m: an edge's products add up to no more than 2 (|dx| + |dy| + |dz|) m^2.
+/// It is more than four times RoundedRay's bound (fused products are off by less than its own).
+template <class CornerAt>
+KDRAY_INLINE void DecideExact(const CornerAt& corner_at, const D4 (&origin)[3],
+                              const D4 (&direction)[3], int axis, D4 inverse, D4 product_error,
+                              double origin_rounding, ExactDecision* decision) {
+  D4 at[3][3], size[3];
+  for (int corner = 0; corner < 3; ++corner) {
+    for (int k = 0; k < 3; ++k) at[corner][k] = corner_at(corner, k) - origin[k];
+    size[corner] = Max(Max(Abs(at[corner][0]), Abs(at[corner][1])), Abs(at[corner][2]));
+  }
+  const D4 m = Max(Max(size[0], size[1]), size[2]);
+  const auto volume_of = [&](const D4* p, const D4* q) KDRAY_LAMBDA {
+    const D4 x = MulSub(p[1], q[2], p[2] * q[1]);
+    const D4 y = MulSub(p[2], q[0], p[0] * q[2]);
+    const D4 z = MulSub(p[0], q[1], p[1] * q[0]);
+    return MulAdd(direction[0], x, MulAdd(direction[1], y, direction[2] * z));
+  };
+  const D4 a = volume_of(at[1], at[2]), b = volume_of(at[2], at[0]), c = volume_of(at[0], at[1]);
+  // The last term: if a sum of volumes is larger, nothing below underflows.
+  const D4 origin_error = Set4(9 * RoundedRay::kOrigin * origin_rounding);
+  const D4 error = MulAdd(MulAdd(product_error, m, origin_error), m, Set4(0x1p-900));
+  const D4 least = Min(Min(a, b), c);
+  const D4 most = Max(Max(a, b), c);
+  // NaN, from unbounded errors, is neither.
+  decision->outside = Bits(L4((least < -error) & (most > error)));
+  decision->inside = Bits(L4((least > error) | (most < -error)));
+  if (decision->inside == 0) return;
+
+  // If all signs are certain, the hit's parameter s is the mean of the corners' along[i], weighted
+  // by the volumes. An error in a volume moves it by at most the error's fraction of the sum, times
+  // the distance between the corners' parameters, and the three errors are less than error * 3 / 4;
+  // each parameter is off by 4 units and the origin's rounding; the mean's own arithmetic adds some
+  // 8 units, and the bounds one each. All that, doubled; the last term is for underflow. No
+  // parameter is beyond m, since the direction's longest component is at least 1.
+  D4 along[3];
+  for (int corner = 0; corner < 3; ++corner) along[corner] = at[corner][axis] * inverse;
+  const D4 low = Min(Min(along[0], along[1]), along[2]);
+  const D4 high = Max(Max(along[0], along[1]), along[2]);
+  const D4 inverse_sum = Set4(1.0) / (a + b + c);
+  const D4 s = (a * along[0] + b * along[1] + c * along[2]) * inverse_sum;
+  const D4 error_of_s = Set4(2) * error * Abs(inverse_sum) * (high - low) + m * Set4(0x1p-48) +
+                        Set4(8 * origin_rounding + 0x1p-150);
+  Store(s - error_of_s, decision->low);
+  Store(s + error_of_s, decision->high);
+}
+
+/// Sets the origin of a usual ray (PrepareUsual): as given, and local.
+KDRAY_INLINE void SetUsualOrigin(D4 given, const FrameVectors& frame, const Vec3d& local,
+                                 RoundedRay* ray) {
+  ray->origin = local;
+  // The rounding error of the difference, exactly (TwoDifference).
+  const D4 moved = given - frame.origin;
+  const D4 part = moved - given;
+  const D4 rest = (given - (moved - part)) - (frame.origin + part);
+  const D4 low = rest * Set4(frame.scale);
+  const D4 size = Abs(low);
+  // Underflow in scaling is negligible beside kUnderflow.
+  ray->origin_low = {low[0], low[1], low[2]};
+  ray->origin_error = 0;
+  ray->origin_rounding = std::max({size[0], size[1], size[2]});
+  ray->shift = ray->shift_low = 0;
+}
+
+/// RoundedRay::BoundOf for a ray whose origin was not moved; t is local.
+KDRAY_INLINE RoundedRay::Bound BoundOf(double t) {
+  const double room = std::copysign(0x1p-48, t);
+  return {t * (1 - room), t * (1 + room)};
+}
+
 /// ExactIntersection's form of a ray, for vectors of triangles.
 struct ExactRay : RoundedRay {
-  std::uint32_t axis;                  // of the direction's largest component
-  double inverse;                      // of that component
-  double product_error, origin_error;  // see Decide
+  /// Of the sum of the direction's components, for DecideExact.
+  static constexpr double kProductError = 9 * kProducts;
+  std::uint32_t axis;    // of the direction's largest component
+  double inverse;        // of that component
+  double product_error;  // see DecideExact
 
   void Begin(const LocalRay& local, const CullRay& cull) {
     static_cast<RoundedRay&>(*this) = RoundedRay(local);
     axis = cull.axis[2];
     inverse = cull.inverse_z;
-    SetErrors();
+    SetError();
   }
 
   /// The same for a ray of PrepareUsual.
   KDRAY_INLINE void BeginUsual(const GivenRay& given, const FrameVectors& frame,
                                const LocalRay& local, const CullRay& cull) {
     direction = local.direction;
-    origin = local.origin;
-    // The rounding error of the difference, exactly (TwoDifference).
-    const D4 moved = given.from - frame.origin;
-    const D4 part = moved - given.from;
-    const D4 rest = (given.from - (moved - part)) - (frame.origin + part);
-    const D4 low = rest * Set4(frame.scale);
-    const D4 size = Abs(low);
-    // Underflow in scaling is negligible beside kUnderflow.
-    origin_low = {low[0], low[1], low[2]};
-    origin_error = 0;
-    origin_rounding = std::max({size[0], size[1], size[2]});
-    shift = shift_low = 0;
+    SetUsualOrigin(given.from, frame, local.origin, this);
     axis = cull.axis[2];
     inverse = cull.inverse_z;
-    SetErrors();
+    SetError();
   }
 
   /// corner_at(corner, axis) gives four triangles' coordinates along an axis of the mesh.
-  ///
-  /// One bound serves a triangle's three volumes, product_error * m^2 + origin_error * m, where no
-  /// coordinate is beyond m: an edge's products add up to no more than 2 (|dx| + |dy| + |dz|) m^2.
-  /// It is more than four times RoundedRay's bound (fused products are off by less than its own).
   template <class CornerAt>
   KDRAY_INLINE void Decide(const CornerAt& corner_at, ExactDecision* decision) const {
-    D4 at[3][3], size[3];
-    for (int corner = 0; corner < 3; ++corner) {
-      for (int k = 0; k < 3; ++k) {
-        at[corner][k] = corner_at(corner, static_cast<std::uint32_t>(k)) - Set4(origin[k]);
-      }
-      size[corner] = Max(Max(Abs(at[corner][0]), Abs(at[corner][1])), Abs(at[corner][2]));
-    }
-    const D4 m = Max(Max(size[0], size[1]), size[2]);
-    const auto volume_of = [&](const D4* p, const D4* q) KDRAY_LAMBDA {
-      const D4 x = MulSub(p[1], q[2], p[2] * q[1]);
-      const D4 y = MulSub(p[2], q[0], p[0] * q[2]);
-      const D4 z = MulSub(p[0], q[1], p[1] * q[0]);
-      return MulAdd(Set4(direction.x), x, MulAdd(Set4(direction.y), y, Set4(direction.z) * z));
-    };
-    const D4 a = volume_of(at[1], at[2]), b = volume_of(at[2], at[0]), c = volume_of(at[0], at[1]);
-    // The last term: if a sum of volumes is larger, nothing below underflows.
-    const D4 error = MulAdd(MulAdd(Set4(product_error), m, Set4(origin_error)), m, Set4(0x1p-900));
-    const D4 least = Min(Min(a, b), c);
-    const D4 most = Max(Max(a, b), c);
-    // NaN, from unbounded errors, is neither.
-    decision->outside = Bits(L4((least < -error) & (most > error)));
-    decision->inside = Bits(L4((least > error) | (most < -error)));
-    if (decision->inside == 0) return;
-
-    // If all signs are certain, the hit's parameter s is the mean of the corners' along[i],
-    // weighted by the volumes. An error in a volume moves it by at most the error's fraction of the
-    // sum, times the distance between the corners' parameters, and the three errors are less than
-    // error
-    // * 3 / 4; each parameter is off by 4 units and the origin's rounding; the mean's own
-    // arithmetic adds some 8 units, and the bounds one each. All that, doubled; the last term is
-    // for underflow. No parameter is beyond m, since the direction's longest component is at least
-    // 1.
-    D4 along[3];
-    for (int corner = 0; corner < 3; ++corner) {
-      along[corner] =
-          (corner_at(corner, axis) - Set4(origin[static_cast<int>(axis)])) * Set4(inverse);
-    }
-    const D4 low = Min(Min(along[0], along[1]), along[2]);
-    const D4 high = Max(Max(along[0], along[1]), along[2]);
-    const D4 inverse_sum = Set4(1.0) / (a + b + c);
-    const D4 s = (a * along[0] + b * along[1] + c * along[2]) * inverse_sum;
-    const D4 error_of_s = Set4(2) * error * Abs(inverse_sum) * (high - low) + m * Set4(0x1p-48) +
-                          Set4(8 * origin_rounding + 0x1p-150);
-    Store(s - error_of_s, decision->low);
-    Store(s + error_of_s, decision->high);
+    const D4 from[3] = {Set4(origin.x), Set4(origin.y), Set4(origin.z)};
+    const D4 to[3] = {Set4(direction.x), Set4(direction.y), Set4(direction.z)};
+    DecideExact([&](int corner, int k)
+                    KDRAY_LAMBDA { return corner_at(corner, static_cast<std::uint32_t>(k)); },
+                from, to, static_cast<int>(axis), Set4(inverse), Set4(product_error),
+                origin_rounding, decision);
   }
 
  private:
-  void SetErrors() {
-    const double directions =
-        std::fabs(direction.x) + std::fabs(direction.y) + std::fabs(direction.z);
-    product_error = 9 * kProducts * directions;
-    origin_error = 9 * kOrigin * origin_rounding;
+  void SetError() {
+    product_error =
+        kProductError * (std::fabs(direction.x) + std::fabs(direction.y) + std::fabs(direction.z));
   }
 };
 
@@ -170,14 +192,20 @@ struct ExactRaySearch {
     const std::optional<LocalRay> local = MakeRay(ray, job.mesh->frame());
     job.scalar->Begin(*local, &space);
   }
-
- private:
-  /// RoundedRay::BoundOf for a ray whose origin was not moved.
-  static RoundedRay::Bound BoundOf(double t) {
-    const double room = std::copysign(0x1p-48, t);
-    return {t * (1 - room), t * (1 + room)};
-  }
 };
+
+/// A triangle's corner as the mesh has it: from its block if that has the mesh's own corners, which
+/// are floats.
+template <class Stored>
+KDRAY_INLINE Vec3<Stored> CornerOf(const KernelJob& job, PrimitiveId id, BlockLane at, int corner) {
+  if constexpr (sizeof(Stored) == sizeof(float)) {
+    const auto& from = at.block->corner[corner];
+    return {from[0][at.lane], from[1][at.lane], from[2][at.lane]};
+  } else {
+    const TriangleIndices& triangle = job.mesh->triangles()[id];
+    return job.mesh->template vertices<Stored>()[triangle[static_cast<std::size_t>(corner)]];
+  }
+}
 
 /// ExactIntersection on four triangles at once, while double arithmetic is certain about all signs
 /// and about the smaller t. At the first doubt the ray goes to the ScalarSearch, which then gets
@@ -228,14 +256,7 @@ struct ExactSearch : ExactRaySearch {
 
   /// Of the closest triangle, as the mesh has it.
   KDRAY_INLINE Vec3<Stored> BestCorner(const KernelJob& job, int corner) const {
-    // Blocks have the mesh's own corners if those are floats.
-    if constexpr (sizeof(Stored) == sizeof(float)) {
-      const auto& at = best_at.block->corner[corner];
-      return {at[0][best_at.lane], at[1][best_at.lane], at[2][best_at.lane]};
-    } else {
-      const auto& triangle = job.mesh->triangles()[best_id];
-      return job.mesh->template vertices<Stored>()[triangle[static_cast<std::size_t>(corner)]];
-    }
+    return CornerOf<Stored>(job, best_id, best_at, corner);
   }
 
  private:

@@ -189,6 +189,10 @@ struct ExactHits {
     shift[k] = ray.shift;
     shift_low[k] = ray.shift_low;
   }
+  /// The same ray in all lanes.
+  void SetRay(const RoundedRay& ray) {
+    for (unsigned k = 0; k < kHitLanes; ++k) SetRay(k, ray);
+  }
   template <class Number>
   void SetCorner(unsigned k, int which, const Vec3<Number>& at) {
     for (int axis = 0; axis < 3; ++axis) {

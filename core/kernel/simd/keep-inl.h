@@ -48,16 +48,14 @@ __attribute__((noinline)) inline bool FilterKeeps(const KernelJob& job, std::siz
 }
 
 /// The triangles that a search for all hits has met, of a tree that may have one in several leaves.
-/// The first are compared in lanes. Of more, a count keeps a hash table; a list forgets which they
-/// were, and drops repeats later.
+/// The first are compared in lanes. Of more, a count keeps a hash table; a list drops repeats
+/// later.
 class SeenTriangles {
  public:
   void Begin() {
     size_ = 0;
     has_many_ = false;
   }
-  /// Whether a triangle may have passed IsNew() twice.
-  bool may_repeat() const { return has_many_; }
   /// Whether the triangle was not met before; from now on it was.
   KDRAY_INLINE bool IsNew(const KernelJob& job, PrimitiveId id) {
     const I8 wanted = SetI8(id);
@@ -105,10 +103,13 @@ struct AllOfRay {
     }
     return found;
   }
+  /// Whether the job's filter keeps a triangle.
+  bool Keeps(const KernelJob& job, std::size_t row, PrimitiveId id, BlockLane at) const {
+    return job.filter == nullptr || FilterKeeps(job, row, id, at);
+  }
   /// Takes a triangle within the ray's interval. Returns whether the list is now full.
   bool Take(const KernelJob& job, std::size_t row, const Hit& hit, BlockLane at) {
-    const PrimitiveId id = hit.primitive_id;
-    if (job.filter != nullptr && !FilterKeeps(job, row, id, at)) return false;
+    if (!Keeps(job, row, hit.primitive_id, at)) return false;
     if (job.counts != nullptr) {
       ++count;
       return false;
@@ -179,6 +180,20 @@ struct RoundedSearch {
     const double t = ToCallerT(key, exponent);
     return t >= t_min && t <= t_max;
   }
+  /// The same of four keys.
+  KDRAY_INLINE unsigned AreInInterval(D4 key) const {
+    if (exponent < -1022 || exponent > 1023) {
+      unsigned inside = 0;
+      for (unsigned k = 0; k < 4; ++k) {
+        inside |= static_cast<unsigned>(IsInInterval(key[k])) << k;
+      }
+      return inside;
+    }
+    // ToCallerT, lane by lane.
+    const D4 most = Set4(std::numeric_limits<double>::max());
+    const D4 t = Min(Max(key * Set4(PowerOfTwo(exponent)), -most), most);
+    return Bits(L4((t >= Set4(t_min)) & (t <= Set4(t_max))));
+  }
 };
 
 /// Keeps a ray's closest hit, as ClosestSearch does.
@@ -242,6 +257,19 @@ struct KeepAll : RoundedSearch {
     if (IsInInterval(key)) Take(job, {key, u, v, id}, at);
   }
 
+  /// Takes four triangles that are hit, where a bit is set; `at` has their places.
+  KDRAY_INLINE void OfferFour(const KernelJob& job, unsigned hit, D4 s, const double* u,
+                              const double* v, const BlockLane* at) {
+    const D4 key = s + Set4(shift);
+    alignas(32) double key_of[4];
+    Store(key, key_of);
+    for (hit &= AreInInterval(key); hit != 0; hit &= hit - 1) {
+      const auto k = static_cast<std::size_t>(__builtin_ctz(hit));
+      const PrimitiveId id = at[k].block->IdOf(at[k].lane);
+      if (all.Take(job, row, {key_of[k], u[k], v[k], id}, at[k])) Shrink(job);
+    }
+  }
+
   struct Answers {
     void Add(const KernelJob& job, KeepAll& search) {
       if (job.counts == nullptr) {
@@ -256,7 +284,10 @@ struct KeepAll : RoundedSearch {
 
  private:
   __attribute__((noinline)) void Take(const KernelJob& job, const Hit& hit, BlockLane at) {
-    if (!all.Take(job, row, hit, at)) return;
+    if (all.Take(job, row, hit, at)) Shrink(job);
+  }
+  /// Drops hits of a full list.
+  __attribute__((noinline)) void Shrink(const KernelJob& job) {
     const double key = all.nearest.KeepNearest(job.poll);
     // As RoundedOrder::Limit, with the rounding of key - shift.
     cull.exit = std::min(cull.exit,

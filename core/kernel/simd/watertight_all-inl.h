@@ -85,6 +85,10 @@ struct WatertightAllSearch : KeepAll {
     const F8 a = p.z[0] * inverse, b = p.z[1] * inverse, c = p.z[2] * inverse;
     const unsigned inside = hit & Bits(LessEqual(Set8(certain_enter), Min(Min(a, b), c)) &
                                        LessEqual(Max(Max(a, b), c), Set8(certain_exit)));
+    if (job.filter == nullptr) {
+      all.count += static_cast<std::uint32_t>(__builtin_popcount(inside));
+      return hit & ~inside;
+    }
     for (unsigned sure = inside; sure != 0; sure &= sure - 1) {
       const auto lane = static_cast<unsigned>(__builtin_ctz(sure));
       all.Take(job, row, {0, 0, 0, block.IdOf(lane)}, {&block, lane});
@@ -108,14 +112,13 @@ struct WatertightAllSearch : KeepAll {
       DoubleDecision decision;
       exact.DecideAlong([&](int c, int k) KDRAY_LAMBDA { return Widen4(corner[c][k] + first); },
                         &decision);
-      for (std::size_t i = first; i < std::min(first + 4, size); ++i) {
-        const std::size_t k = i - first;
-        const PrimitiveId id = open_[i].block->IdOf(open_[i].lane);
-        if ((decision.inside >> k & 1u) != 0) {
-          Offer(job, decision.s[k], decision.u[k], decision.v[k], id, open_[i]);
-        } else {
-          DecideByScalar(job, id, this);
-        }
+      const auto left = static_cast<unsigned>(size - first);
+      const unsigned four = left >= 4 ? 15u : (1u << left) - 1;
+      OfferFour(job, four & decision.inside, Load4(decision.s), decision.u, decision.v,
+                open_ + first);
+      for (unsigned others = four & ~decision.inside; others != 0; others &= others - 1) {
+        const BlockLane at = open_[first + static_cast<unsigned>(__builtin_ctz(others))];
+        DecideByScalar(job, at.block->IdOf(at.lane), this);
       }
     }
   }

@@ -4,10 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <random>
 #include <set>
+#include <span>
+#include <thread>
 #include <vector>
 
 #include "core/kernel/triangle_set.h"
@@ -82,24 +85,13 @@ TEST(NearestHits, AreTheNearestOfAnyNumberAndRepeatsTakeNoPlace) {
   }
 }
 
-TEST(NearestHits, SaysWhichHitsHaveNoTYetAndPutsTiesInTheGivenOrder) {
-  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+TEST(NearestHits, OfEqualTAreInTheGivenOrder) {
   CancelPoll never{CancelToken()};
   NearestHits nearest;
   nearest.Begin(3);
-  for (const PrimitiveId id : {4u, 2u, 4u, 9u}) nearest.Add({kUnknown, 0, 0, id});
-  std::vector<PrimitiveId> unknown;
-  for (Hit& hit : nearest.DropRepeats(&never)) {
-    unknown.push_back(hit.primitive_id);
-    hit.t = 1;
-  }
-  std::sort(unknown.begin(), unknown.end());
-  EXPECT_EQ(unknown, (std::vector<PrimitiveId>{2, 4, 9}));
-  nearest.Add({kUnknown, 0, 0, 2});  // again, from another leaf
-  nearest.Add({kUnknown, 0, 0, 5});
-  std::span<Hit> left = nearest.DropRepeats(&never);
-  ASSERT_EQ(left.size(), 1u);
-  left[0].t = 0.5;
+  for (const PrimitiveId id : {4u, 2u, 4u, 9u}) nearest.Add({1, 0, 0, id});
+  nearest.Add({1, 0, 0, 2});  // again, from another leaf
+  nearest.Add({0.5, 0, 0, 5});
   const double limit = nearest.KeepNearest(
       [](std::span<Hit> ties) { std::reverse(ties.begin(), ties.end()); }, &never);
   std::vector<PrimitiveId> order;
@@ -107,6 +99,44 @@ TEST(NearestHits, SaysWhichHitsHaveNoTYetAndPutsTiesInTheGivenOrder) {
   EXPECT_EQ(order, (std::vector<PrimitiveId>{5, 9, 4}));
   EXPECT_EQ(limit, 1);
   EXPECT_TRUE(nearest.is_truncated());
+}
+
+TEST(HitPieces, KeepTheHitsOfEveryRowWhereTheyAre) {
+  HitPieces pieces;
+  std::atomic<std::size_t> total{0};
+  constexpr std::size_t kRows = 3'000, kThreads = 3;
+  std::vector<HitRow> rows(kThreads * kRows);
+  const auto size_of = [](std::size_t row) { return row % 1'000 == 7 ? 70'000 : row % 90; };
+  std::vector<std::thread> threads;
+  for (std::size_t thread = 0; thread < kThreads; ++thread) {
+    threads.emplace_back([&, thread] {
+      for (std::size_t first = 0; first < kRows; first += 100) {
+        HitPieces::Rest rest = pieces.Take();
+        const HitLists lists = {100'000, rows.data(), &pieces, &rest, &total};
+        for (std::size_t i = first; i < first + 100; ++i) {
+          const std::size_t row = i * kThreads + thread;
+          const std::span<Hit> hits = NearestHits::Append(row, size_of(row), row % 2 == 0, lists);
+          for (std::size_t k = 0; k < hits.size(); ++k) {
+            hits[k] = {static_cast<double>(row), 0, 0, static_cast<PrimitiveId>(k)};
+          }
+        }
+        pieces.GiveBack(rest);
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  std::size_t sum = 0;
+  for (std::size_t row = 0; row < rows.size(); ++row) {
+    ASSERT_EQ(rows[row].size, size_of(row));
+    ASSERT_EQ(rows[row].is_truncated, row % 2 == 0);
+    sum += rows[row].size;
+    for (std::size_t k = 0; k < rows[row].size; ++k) {
+      ASSERT_EQ(rows[row].hits[k],
+                (Hit{static_cast<double>(row), 0, 0, static_cast<PrimitiveId>(k)}));
+    }
+  }
+  EXPECT_LE(total, sum);
+  EXPECT_GT(total + 1'024 * kThreads, sum);
 }
 
 }  // namespace
