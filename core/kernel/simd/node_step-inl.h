@@ -72,7 +72,9 @@ KDRAY_INLINE void PrefetchChild(const WideTree& tree, std::uint32_t child) {
                              : reinterpret_cast<const char*>(tree.nodes.data());
   const std::size_t stride = is_leaf ? sizeof(LeafBlock) : sizeof(WideNode);
   const char* at = base + stride * (child & ~WideChild::kLeafBit);
-  for (int line = 0; line < 5; ++line) __builtin_prefetch(at + 64 * line);
+  for (int line = 0; line < 4; ++line) __builtin_prefetch(at + 64 * line);
+  // A block has one line more than a node.
+  __builtin_prefetch(at + (is_leaf ? 256 : 0));
 }
 
 /// Whether the ray meets the box of the whole tree.

@@ -20,6 +20,7 @@
 #include "core/kernel/simd/isa.h"
 #include "core/kernel/simd/node_step-inl.h"
 #include "core/kernel/simd/prepared_rays-inl.h"
+#include "core/kernel/simd/rays_by_child-inl.h"
 #include "core/kernel/simd/vectors-inl.h"
 #include "core/kernel/simd/vectors16-inl.h"
 
@@ -174,7 +175,7 @@ class Stream {
 
   // Rays of 16 in a row for which one box after the other is faster than one ray after the other.
 #if defined(KDRAY_ISA_AVX512)
-  static constexpr int kManyOf16 = 5;
+  static constexpr int kManyOf16 = 8;
 #else
   static constexpr int kManyOf16 = 10;
 #endif
@@ -182,31 +183,30 @@ class Stream {
   // Adds the rays of a group that meet each child.
   KDRAY_INLINE void MeetTogether(const float* const (&near_planes)[3],
                                  const float* const (&far_planes)[3], std::size_t first,
-                                 unsigned group, std::uint64_t* met_by) const {
+                                 unsigned group, RaysByChild* met) const {
     F16 inverse[3], origin[3];
     for (int axis = 0; axis < 3; ++axis) {
       inverse[axis] = Load16(rays_.inverse[axis] + first);
       origin[axis] = Load16(rays_.origin_inverse[axis] + first);
     }
     const F16 enter = Load16(rays_.enter + first), exit = Load16(rays_.exit + first);
-    for (std::size_t c = 0; c < WideNode::kWidth; ++c) {
+    met->AddGroup(first, group, [&](std::size_t c) KDRAY_LAMBDA {
       F16 near = enter, far = exit;
       for (int axis = 0; axis < 3; ++axis) {
         near = Max(near, MulSub(Set16(near_planes[axis][c]), inverse[axis], origin[axis]));
         far = Min(far, MulSub(Set16(far_planes[axis][c]), inverse[axis], origin[axis]));
       }
-      met_by[c] |= std::uint64_t{Bits(LessEqual(near, far)) & group} << first;
-    }
+      return Bits(LessEqual(near, far));
+    });
   }
   KDRAY_INLINE void MeetAlone(const float* const (&near_planes)[3],
                               const float* const (&far_planes)[3], std::uint64_t active,
-                              std::uint64_t* met_by) const {
+                              RaysByChild* met) const {
     F8 near_of[3], far_of[3];
     for (int axis = 0; axis < 3; ++axis) {
       near_of[axis] = Load(near_planes[axis]);
       far_of[axis] = Load(far_planes[axis]);
     }
-    alignas(64) std::uint8_t met[kRays];  // by ray: a bit for each child
     for (std::uint64_t rays = active; rays != 0; rays &= rays - 1) {
       const auto k = static_cast<std::size_t>(__builtin_ctzll(rays));
       F8 near = Set8(rays_.enter[k]);
@@ -217,9 +217,8 @@ class Stream {
         near = Max(near, MulSub(near_of[axis], inverse, origin));
         far = Min(far, MulSub(far_of[axis], inverse, origin));
       }
-      met[k] = static_cast<std::uint8_t>(Bits(LessEqual(near, far)));
+      met->AddRay(k, LessEqual(near, far));
     }
-    for (unsigned c = 0; c < WideNode::kWidth; ++c) met_by[c] |= BitOfBytes(met, c) & active;
   }
 
   // Pushes the children that rays meet, farthest first.
@@ -230,24 +229,17 @@ class Stream {
       near_planes[axis] = Planes(node, octant, axis, false);
       far_planes[axis] = Planes(node, octant, axis, true);
     }
-    std::uint64_t met_by[WideNode::kWidth] = {};  // by child: a bit for each ray
+    RaysByChild met;
     std::uint64_t others = active;
     for (std::size_t first = 0; first < kRays; first += 16) {
       const auto group = static_cast<unsigned>(active >> first & 0xffffu);
       if (__builtin_popcount(group) < kManyOf16) continue;
       others &= ~(std::uint64_t{0xffff} << first);
-      MeetTogether(near_planes, far_planes, first, group, met_by);
+      MeetTogether(near_planes, far_planes, first, group, &met);
     }
-    if (others != 0) MeetAlone(near_planes, far_planes, others, met_by);
-    std::uint32_t order = node.order[octant];
-    for (std::size_t i = 0; i < WideNode::kWidth; ++i, order >>= 4) {
-      const std::uint32_t c = order & 7u;
-      const std::uint64_t rays = met_by[c];
-      // Always written, kept if met: a branch would be unpredictable.
-      Push(-std::numeric_limits<float>::infinity(), node.child[c], rays, size);
-      size += rays != 0 ? 1 : 0;
-    }
-    return size;
+    if (others != 0) MeetAlone(near_planes, far_planes, others, &met);
+    Store(Set8(-std::numeric_limits<float>::infinity()), &enter_[size]);
+    return size + met.StoreMet(node, octant, &child_[size], &active_[size]);
   }
 
   KDRAY_INLINE std::size_t StepAlone(const WideNode& node, unsigned octant, std::uint64_t active,
