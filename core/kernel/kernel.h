@@ -32,6 +32,12 @@ inline constexpr std::uint64_t kBlockWork = 64;
 /// What is asked of each ray: its closest hit, whether it has one, or all hits (`count`, `all`).
 enum class RayQuery : std::uint8_t { kClosest, kAny, kAll };
 
+/// Whether there is a frustum kernel: for closest hits, and in `fast` and `watertight` for any.
+constexpr bool HasFrustum(Precision precision, RayQuery query) {
+  const bool is_float = precision == Precision::kFast || precision == Precision::kWatertight;
+  return query == RayQuery::kClosest || (query == RayQuery::kAny && is_float);
+}
+
 /// The input and output of tracing a range of rays.
 struct KernelJob {
   const WideTree* tree = nullptr;

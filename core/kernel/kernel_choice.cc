@@ -16,6 +16,16 @@ constexpr std::size_t kWorthSorting = std::size_t{1} << 12;
 // what a camera sees in 700 to 1,400, and random rays in 9,300 to 14,500.
 constexpr double kMostGroups = 4096;
 
+// Whether of some rays at least one begins where the next one does, as a camera's do.
+bool ShareOrigins(const RayBatch& rays) {
+  constexpr std::size_t kSamples = 16;
+  for (std::size_t i = 0; i < kSamples && rays.size() >= 2; ++i) {
+    const std::size_t at = (rays.size() - 2) * i / kSamples;
+    if (rays[at].origin == rays[at + 1].origin) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 void ChooseKernel(const KernelOverrides& overrides, KernelJob* job) {
@@ -26,16 +36,16 @@ void ChooseKernel(const KernelOverrides& overrides, KernelJob* job) {
                        CountGroups(job->rays, job->mesh->bounds()) <= kMostGroups;
   job->sort = overrides.sort.value_or(grouped);
   job->alike = (!shuffled || (grouped && job->sort)) && !overrides.kernel;
-  // The frustum kernel has only these precisions. It soon detects rays that do not form a packet,
-  // and passes them on.
   const KernelKind otherwise = job->alike ? KernelKind::kStream : KernelKind::kInterleaved;
-  const bool frustum =
-      job->precision == Precision::kFast || job->precision == Precision::kWatertight;
+  // The frustum kernel soon detects rays that do not form a packet, and passes them on.
+  const bool frustum = HasFrustum(job->precision, job->query()) &&
+                       (job->query() == RayQuery::kAny || ShareOrigins(job->rays));
   job->kernel = overrides.kernel.value_or(frustum ? KernelKind::kFrustum : otherwise);
-  // It keeps one hit of a ray, and of the filters has only culls.
+  // Of the filters it has only culls.
   const bool is_filtered =
       job->filter_options.starts_on_surface || job->filter_options.ends_on_surface;
-  if (job->kernel == KernelKind::kFrustum && (is_filtered || job->query() == RayQuery::kAll)) {
+  if (job->kernel == KernelKind::kFrustum &&
+      (is_filtered || !HasFrustum(job->precision, job->query()))) {
     job->kernel = otherwise;
   }
 }

@@ -70,7 +70,7 @@ struct AnyPacketHits {
     SetLanes(hit | open, Set16(-std::numeric_limits<float>::infinity()), exit + pairs.first);
   }
 
-  void Begin() {
+  void Begin(const KernelJob&, const FrustumRays&) {
     alone = occluded = 0;
     for (float& x : exit) x = std::numeric_limits<float>::infinity();
   }

@@ -19,6 +19,7 @@
 #include "core/kernel/simd/isa.h"
 #include "core/kernel/simd/node_step-inl.h"
 #include "core/kernel/simd/packet-inl.h"
+#include "core/kernel/simd/packet_gather-inl.h"
 #include "core/kernel/simd/packet_pairs-inl.h"
 #include "core/kernel/simd/vectors-inl.h"
 #include "core/kernel/simd/vectors16-inl.h"
@@ -52,7 +53,7 @@ class Frustum {
   bool Begin(std::size_t first) {
     if (!rays_.Gather(job_, first)) return false;
     first_ = first;
-    hits_.Begin();
+    hits_.Begin(job_, rays_);
     // Neighbouring packets are alike.
     if (items_ != 0) is_grouped_ = pairs_ >= kManyOnAverage * items_;
     blocks_ = items_ = pairs_ = 0;
@@ -328,8 +329,10 @@ template <class Hits>
 void TraceFrustum(const KernelJob& job, std::size_t first, std::size_t last, KernelFunction rest) {
   std::vector<std::uint32_t> others;
   const auto leave = [&](std::size_t from, std::size_t to) {
+    const std::size_t size = others.size();
+    others.resize(size + (to - from));
     for (std::size_t i = from; i < to; ++i) {
-      others.push_back(static_cast<std::uint32_t>(RowAt(job, i)));
+      others[size + (i - from)] = static_cast<std::uint32_t>(RowAt(job, i));
     }
   };
   if (job.tree->root != WideChild::kEmpty) {

@@ -15,6 +15,7 @@
 #include "core/kernel/simd/keep-inl.h"
 #include "core/kernel/simd/packet_hits-inl.h"
 #include "core/kernel/simd/search-inl.h"
+#include "core/kernel/simd/stored_packet_hits-inl.h"
 #include "core/kernel/simd/stream-inl.h"
 #include "core/kernel/simd/watertight_all-inl.h"
 
@@ -60,17 +61,35 @@ KernelFunction FindFrustum(RayQuery query) {
                                  : &TraceFrustumOr<ClosestHits, Search, false>;
 }
 
-KernelFunction Find(KernelKind kernel, Precision precision, bool double_vertices, RayQuery query) {
-  if (kernel == KernelKind::kFrustum && query != RayQuery::kAll) {
-    if (precision == Precision::kFast) {
+template <class Stored>
+KernelFunction FindFrustumOfStored(Precision precision) {
+  return precision == Precision::kDouble
+             ? &TraceFrustumOr<DoublePacketHits<Stored>, DoubleSearch<KeepClosest, Stored>, false>
+             : &TraceFrustumOr<ExactPacketHits<Stored>, ExactSearch<Stored>, false>;
+}
+/// Null where there is none; see HasFrustum().
+inline KernelFunction FindFrustum(Precision precision, bool double_vertices, RayQuery query) {
+  if (!HasFrustum(precision, query)) return nullptr;
+  switch (precision) {
+    case Precision::kFast:
       return FindFrustum<FastPacketHits, FastSearch<KeepClosest>>(query);
-    }
-    if (precision == Precision::kWatertight) {
+    case Precision::kWatertight:
       return FindFrustum<WatertightPacketHits, WatertightSearch<KeepClosest>>(query);
-    }
+    case Precision::kDouble:
+    case Precision::kExact:
+      break;
   }
-  // The others have no frustum kernel.
-  if (kernel == KernelKind::kFrustum) kernel = KernelKind::kInterleaved;
+  return double_vertices ? FindFrustumOfStored<double>(precision)
+                         : FindFrustumOfStored<float>(precision);
+}
+
+KernelFunction Find(KernelKind kernel, Precision precision, bool double_vertices, RayQuery query) {
+  if (kernel == KernelKind::kFrustum) {
+    if (const KernelFunction frustum = FindFrustum(precision, double_vertices, query)) {
+      return frustum;
+    }
+    kernel = KernelKind::kInterleaved;
+  }
   switch (precision) {
     case Precision::kFast:
       return FindFor<FastSearch<KeepClosest>, FastSearch<KeepAll>>(kernel, query);

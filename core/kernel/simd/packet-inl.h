@@ -58,6 +58,7 @@ struct FrustumRays {
   alignas(64) float exit[kRays];           // the end of each ray from the origin, rounded outward
   // The caller's interval, rounded inward: exact for float s.
   alignas(64) float s_min[kRays], s_max[kRays];
+  alignas(32) double t_min[kRays], t_max[kRays];  // the caller's, unless all are whole lines
   alignas(64) float scale[kRays];  // direction / the caller's direction: a power of two
   double frame_scale;              // 2^MeshFrame::exponent
 
@@ -65,6 +66,7 @@ struct FrustumRays {
   alignas(64) float own_origin[3][kRays];  // with a common target
 
   Vec3d origin_double;  // the common origin
+  D4 given_origin;      // the same as given, without a common target
   Vec3f origin;
   float origin_size;  // largest |component| of an origin that the triangle intersections get
   // Of the directions from the common origin.
@@ -120,11 +122,34 @@ struct FrustumRays {
     if (whole_lines_) return Bits(Less(high, Set16(0)));
     return Bits(Less(high, Load16(s_min + first)) | Less(Load16(s_max + first), low));
   }
+  /// The caller's t of the ray at a place, from its local parameter.
+  KDRAY_INLINE double CallerT(double s, std::size_t place) const {
+    // + 0 turns -0 into 0.
+    return s * (static_cast<double>(scale[place]) * frame_scale) + 0.0;
+  }
+  // The interval of the ray at a place, in double. Not with a common target.
+  KDRAY_INLINE bool IsInInterval(double s, std::size_t place) const {
+    const double t = CallerT(s, place);
+    return whole_lines_ ? t >= 0 : t >= t_min[place] && t <= t_max[place];
+  }
+  /// Its ends as local parameters.
+  KDRAY_INLINE double LocalStart(std::size_t place) const {
+    if (whole_lines_) return 0;
+    return t_min[place] / (static_cast<double>(scale[place]) * frame_scale);
+  }
+  KDRAY_INLINE double LocalEnd(std::size_t place) const {
+    if (whole_lines_) return std::numeric_limits<double>::infinity();
+    return t_max[place] / (static_cast<double>(scale[place]) * frame_scale);
+  }
   KDRAY_INLINE F16 OriginAt(std::uint32_t its_axis, std::size_t first) const {
     return shares_target ? Load16(own_origin[its_axis] + first)
                          : Set16(origin[static_cast<int>(its_axis)]);
   }
 
+  /// The local directions of four rays along an axis of the mesh, beginning at `place`.
+  KDRAY_INLINE D4 DoubleDirectionAt(std::size_t k, std::size_t place) const {
+    return given_in_double_ ? Load4(direction_double_[k] + place) : Widen4(direction[k] + place);
+  }
   /// WatertightIntersection<double>'s of four rays, beginning at `place`.
   struct Shear {
     D4 x, y, inverse_z;
@@ -150,7 +175,11 @@ struct FrustumRays {
     alignas(32) double origin[3][kRays], t_min[kRays], t_max[kRays];
   };
 
+  // The largest difference of two shears.
+  static constexpr float kMostShear = 0.25f;
+
   static bool IsTile(const KernelJob& job, std::size_t first);
+  bool MayBeTogether(const Vec3d& a, const Vec3d& b) const;
   bool SetOrigin(const MeshFrame& frame, const Vec3d& local);
   void ChooseAxes(const Vec3d& d);
   bool GatherFloats(const KernelJob& job, std::size_t first, Given* given);
@@ -158,9 +187,6 @@ struct FrustumRays {
   bool FindRanges(bool with_inverse);
   bool FindIntervals(const KernelJob& job, std::size_t first);
   bool FindTarget(const MeshFrame& frame, const Given& given);
-  KDRAY_INLINE D4 DoubleDirectionAt(std::size_t k, std::size_t place) const {
-    return given_in_double_ ? Load4(direction_double_[k] + place) : Widen4(direction[k] + place);
-  }
 
   bool given_in_double_;
   bool whole_lines_;  // t from 0 to infinity
@@ -177,259 +203,6 @@ KDRAY_INLINE Ray RayAt(const KernelJob& job, std::size_t row) {
   const RayF& ray = floats[row];
   return {Vec3d(ray.origin), static_cast<double>(ray.t_min), Vec3d(ray.direction),
           static_cast<double>(ray.t_max)};
-}
-
-/// The first eight rays are a row of pixels, and the ninth is next to the first.
-inline bool FrustumRays::IsTile(const KernelJob& job, std::size_t first) {
-  const auto at = [&](std::size_t i) KDRAY_LAMBDA {
-    const std::size_t row = RowAt(job, first + i);
-    return job.rays.floats() != nullptr ? job.rays.floats()[row].direction
-                                        : Vec3f(job.rays.doubles()[row].direction);
-  };
-  const Vec3f corner = at(0);
-  const Vec3f along = at(7) - corner;
-  const Vec3f below = at(8) - corner;
-  return Dot(below, below) < 0.25f * Dot(along, along);
-}
-
-inline bool FrustumRays::SetOrigin(const MeshFrame& frame, const Vec3d& local) {
-  origin_double = local;
-  origin = Vec3f(local);
-  origin_size = FloatAbove(MaxAbs(local));
-  frame_scale = PowerOfTwo(frame.exponent);
-  return MaxAbs(local) <= 4 && std::abs(frame.exponent) <= 400;
-}
-
-inline void FrustumRays::ChooseAxes(const Vec3d& d) {
-  const double x = std::fabs(d.x), y = std::fabs(d.y), z = std::fabs(d.z);
-  const std::uint32_t largest = x >= y ? (x >= z ? 0 : 2) : (y >= z ? 1 : 2);
-  axis[2] = largest;
-  axis[0] = largest == 2 ? 0 : largest + 1;
-  axis[1] = axis[0] == 2 ? 0 : axis[0] + 1;
-}
-
-inline bool FrustumRays::Gather(const KernelJob& job, std::size_t first) {
-  // Cheap checks first: most sets of rays that do not form a packet differ in their first and last
-  // ray.
-  const Ray one = RayAt(job, RowAt(job, first));
-  const Ray other = RayAt(job, RowAt(job, first + kRays - 1));
-  shares_target = !(one.origin == other.origin);
-  if (shares_target) {
-    if (job.occluded == nullptr) return false;
-    const Vec3d apart =
-        (one.origin + one.direction * one.t_max) - (other.origin + other.direction * other.t_max);
-    // FindTarget checks more precisely.
-    if (!(MaxAbs(apart) * PowerOfTwo(-job.mesh->frame().exponent) < 0x1p-20)) return false;
-  }
-  ChooseAxes(one.direction);
-  order = IsTile(job, first) ? &kTiled : &kInARow;
-  given_in_double_ = job.rays.floats() == nullptr;
-  const bool is_watertight = job.precision == Precision::kWatertight;
-  const MeshFrame& frame = job.mesh->frame();
-  if (shares_target) {
-    Given given;
-    return (given_in_double_ ? GatherDoubles(job, first, &given)
-                             : GatherFloats(job, first, &given)) &&
-           FindRanges(is_watertight) && FindTarget(frame, given);
-  }
-  return SetOrigin(frame, frame.ToLocal(one.origin)) &&
-         (given_in_double_ ? GatherDoubles(job, first, nullptr)
-                           : GatherFloats(job, first, nullptr)) &&
-         FindRanges(is_watertight) && FindIntervals(job, first);
-}
-
-/// direction, shear and scale of float rays. What MakeLocalRay computes in double comes out the
-/// same in float: the scaling is exact, and a quotient of floats that is rounded to double and then
-/// to float is the rounded quotient (Figueroa 1995, 53 >= 2 * 24 + 2).
-inline bool FrustumRays::GatherFloats(const KernelJob& job, std::size_t first, Given* given) {
-  const RayF* rays = job.rays.floats();
-  const RayF& one = rays[RowAt(job, first)];
-  U4 first_origin, differs = {};
-  __builtin_memcpy(&first_origin, &one.origin, sizeof(first_origin));
-  for (std::size_t i = 0; i < kRays; i += 4) {
-    F4 from[4], ray[4];
-    for (std::size_t k = 0; k < 4; ++k) {
-      const RayF& row = rays[RowAt(job, first + i + k)];
-      __builtin_memcpy(&from[k], &row.origin, sizeof(from[k]));
-      __builtin_memcpy(&ray[k], &row.direction, sizeof(ray[k]));
-      differs |= U4(from[k]) ^ first_origin;
-    }
-    const std::size_t place = order->place_of_four[i / 4];
-    // The fourths are t_min and t_max.
-    Transpose4(ray);
-    for (int k = 0; k < 3; ++k) StoreF4(ray[k], direction[k] + place);
-    StoreF4(ray[3], s_max + place);
-    if (given == nullptr) continue;
-    Transpose4(from);
-    for (int k = 0; k < 3; ++k) Store(Widen(from[k]), given->origin[k] + place);
-    Store(Widen(from[3]), given->t_min + place);
-    Store(Widen(ray[3]), given->t_max + place);
-  }
-  if (given == nullptr && (differs[0] | differs[1] | differs[2]) != 0) return false;
-  unsigned usual = 0xffu;
-  unsigned unbounded = 0xffu;
-  for (std::size_t i = 0; i < kRays; i += 8) {
-    const F8 along = Load(direction[axis[2]] + i);
-    usual &= Bits(LessEqual(Set8(0x1p-60f), Abs(along)) & LessEqual(Abs(along), Set8(0x1p60f)));
-    unbounded &= Bits(LessEqual(Set8(std::numeric_limits<float>::infinity()), Load(s_max + i)));
-    // 2^-k for the exponent k of the largest component, by its bits.
-    const F8 to_local = F8(SetI8(0x7f000000u) - (I8(along) & SetI8(0x7f800000u)));
-    Store(to_local, scale + i);
-    for (int k = 0; k < 3; ++k) Store(Load(direction[k] + i) * to_local, direction[k] + i);
-    for (int k = 0; k < 2; ++k)
-      Store(Load(direction[axis[k]] + i) / (along * to_local), shear[k] + i);
-  }
-  whole_lines_ = differs[3] == 0 && one.t_min == 0 && unbounded == 0xffu;
-  return usual == 0xffu;
-}
-
-inline bool FrustumRays::GatherDoubles(const KernelJob& job, std::size_t first, Given* given) {
-  const Ray* rays = job.rays.doubles();
-  const Ray& one = rays[RowAt(job, first)];
-  whole_lines_ = true;
-  for (std::size_t i = 0; i < kRays; ++i) {
-    const Ray& ray = rays[RowAt(job, first + i)];
-    if (given == nullptr && !(ray.origin == one.origin)) return false;
-    const std::size_t place = order->PlaceOf(i);
-    if (given != nullptr) {
-      for (int k = 0; k < 3; ++k) given->origin[k][place] = ray.origin[k];
-      given->t_min[place] = ray.t_min;
-      given->t_max[place] = ray.t_max;
-    }
-    for (int k = 0; k < 3; ++k) direction_double_[k][place] = ray.direction[k];
-    whole_lines_ &= ray.t_min == 0 && ray.t_max == std::numeric_limits<double>::infinity();
-  }
-  unsigned usual = 0xfu;
-  for (std::size_t i = 0; i < kRays; i += 4) {
-    const D4 along = Load4(direction_double_[axis[2]] + i);
-    usual &= Bits(L4(Set4(0x1p-60) <= Abs(along))) & Bits(L4(Abs(along) <= Set4(0x1p60)));
-    const D4 to_local = D4(0x7fe0000000000000 - (L4(along) & 0x7ff0000000000000));
-    StoreF4(Narrow(to_local), scale + i);
-    for (int k = 0; k < 3; ++k) {
-      const D4 local = Load4(direction_double_[k] + i) * to_local;
-      Store(local, direction_double_[k] + i);
-      StoreF4(Narrow(local), direction[k] + i);
-    }
-    for (int k = 0; k < 2; ++k) {
-      StoreF4(Narrow(Load4(direction_double_[axis[k]] + i) / (along * to_local)), shear[k] + i);
-    }
-  }
-  return usual == 0xfu;
-}
-
-/// False unless all rays have one octant, one largest axis by more than rounding, no component that
-/// a cull treats as parallel, and close directions.
-inline bool FrustumRays::FindRanges(bool with_inverse) {
-  unsigned usual = 0xffffu;
-  for (std::size_t k = 0; k < 2; ++k) {
-    for (std::size_t g = 0; g < kGroups; ++g) {
-      const F16 s = Load16(shear[k] + 16 * g);
-      // NaN fails; Min and Max would lose it.
-      usual &= Bits(LessEqual(Set16(0x1p-30f), Abs(s)) & LessEqual(Abs(s), Set16(1 - 0x1p-20f)));
-    }
-  }
-  if (usual != 0xffffu) return false;
-  for (std::size_t i = 0; with_inverse && i < kRays; i += 16) {
-    Store(Set16(1) / Load16(direction[axis[2]] + i), inverse_along + i);
-  }
-  octant = 0;
-  for (int k = 0; k < 3; ++k) {
-    F16 least = Load16(direction[k]);
-    F16 most = least;
-    for (std::size_t g = 1; g < kGroups; ++g) {
-      least = Min(least, Load16(direction[k] + 16 * g));
-      most = Max(most, Load16(direction[k] + 16 * g));
-    }
-    const float a = Smallest(least), b = Largest(most);
-    if (!(a > 0 || b < 0)) return false;
-    const bool against = shares_target;
-    octant |= static_cast<std::uint32_t>((b < 0) != against) << k;
-    inverse_low[k] = against ? -1 / a : 1 / b;
-    inverse_high[k] = against ? -1 / b : 1 / a;
-  }
-  for (int k = 0; k < 2; ++k) {
-    for (std::size_t g = 0; g < kGroups; ++g) {
-      group_low[k][g] = Smallest(Load16(shear[k] + 16 * g));
-      group_high[k][g] = Largest(Load16(shear[k] + 16 * g));
-    }
-    const float a = *std::min_element(group_low[k], group_low[k] + kGroups);
-    const float b = *std::max_element(group_high[k], group_high[k] + kGroups);
-    // Packets with a wide angle would visit most of the tree.
-    if (b - a > 0.25f) return false;
-    shear_middle[k] = 0.5f * (a + b);
-    shear_reach[k] = 0.5f * (b - a) + 0x1p-21f;
-    for (std::size_t g = 0; g < kGroups; ++g) {
-      Store(Load16(shear[k] + 16 * g) - Set16(shear_middle[k]), offset[k] + 16 * g);
-    }
-  }
-  return true;
-}
-
-inline bool FrustumRays::FindIntervals(const KernelJob& job, std::size_t first) {
-  if (whole_lines_) {
-    enter = -0x1p-20f;
-    for (std::size_t i = 0; i < kRays; i += 16) {
-      Store(Set16(std::numeric_limits<float>::infinity()), exit + i);
-    }
-    return true;
-  }
-  enter = std::numeric_limits<float>::infinity();
-  for (std::size_t i = 0; i < kRays; ++i) {
-    const Ray ray = RayAt(job, RowAt(job, first + i));
-    if (!(ray.t_min <= ray.t_max)) return false;
-    const std::size_t place = order->PlaceOf(i);
-    const double to_caller = static_cast<double>(scale[place]) * frame_scale;
-    // Scaling by a power of two is exact within the normal range.
-    const double low = ray.t_min / to_caller;
-    const double high = ray.t_max / to_caller;
-    if ((std::fabs(low) < 0x1p-900 && ray.t_min != 0) ||
-        (std::fabs(high) < 0x1p-900 && ray.t_max != 0)) {
-      return false;
-    }
-    s_min[place] = FloatAbove(low);
-    s_max[place] = FloatBelow(high);
-    exit[place] = OutwardHigh(high + 0x1p-20);
-    enter = std::min(enter, OutwardLow(low - 0x1p-20));
-  }
-  return true;
-}
-
-/// Whether all rays end at one point, within the margins of culls: box tests here have errors below
-/// 17 * 2^-24, of the 32 that kWidePad allows; rectangles include it in their margins; edge
-/// functions have their slack.
-inline bool FrustumRays::FindTarget(const MeshFrame& frame, const Given& given) {
-  constexpr double kApart = 0x1p-21;
-  const FrameVectors vectors(frame);
-  if (vectors.scale == 0) return false;
-  frame_scale = PowerOfTwo(frame.exponent);
-  whole_lines_ = false;
-  D4 target[3];
-  D4 largest = Set4(0);
-  unsigned usual = 0xfu;
-  for (std::size_t i = 0; i < kRays; i += 4) {
-    const D4 to_caller = Widen4(scale + i) * Set4(frame_scale);
-    const D4 low = Load4(given.t_min + i) / to_caller;
-    const D4 high = Load4(given.t_max + i) / to_caller;
-    StoreF4(Narrow(low), s_min + i);
-    StoreF4(Narrow(high), s_max + i);
-    // Only numbers that floats represent, without infinity.
-    usual &= Bits(L4(Widen4(s_min + i) == low)) & Bits(L4(Widen4(s_max + i) == high)) &
-             Bits(L4(low <= high)) & Bits(L4(Abs(low) <= Set4(0x1p20))) &
-             Bits(L4(Abs(high) <= Set4(0x1p20)));
-    StoreF4(Narrow((high - low) * Set4(1 + 0x1p-20) + Set4(0x1p-19)), exit + i);
-    for (std::size_t k = 0; k < 3; ++k) {
-      const D4 local = (Load4(given.origin[k] + i) - Set4(vectors.origin[k])) * Set4(vectors.scale);
-      StoreF4(Narrow(local), own_origin[k] + i);
-      largest = Max(largest, Abs(local));
-      const D4 end = local + DoubleDirectionAt(k, i) * high;
-      if (i == 0) target[k] = Set4(end[0]);
-      usual &= Bits(L4(Abs(local) <= Set4(4))) & Bits(L4(Abs(end - target[k]) <= Set4(kApart)));
-    }
-  }
-  enter = -0x1p-19f;
-  if (usual != 0xfu || !SetOrigin(frame, {target[0][0], target[1][0], target[2][0]})) return false;
-  origin_size = FloatAbove(std::max({largest[0], largest[1], largest[2], largest[3]}));
-  return true;
 }
 
 }  // namespace kdray::core::KDRAY_ISA

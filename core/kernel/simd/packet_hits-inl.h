@@ -43,7 +43,7 @@ struct PacketHits {
   std::uint64_t alone = 0;
   alignas(64) std::uint32_t found[kRays + 1];  // kNoPrimitive without a hit
 
-  void Begin() {
+  void Begin(const KernelJob&, const FrustumRays&) {
     alone = 0;
     for (std::uint32_t& f : found) f = kNoPrimitive;
   }
@@ -180,8 +180,8 @@ struct FastPacketHits : PacketHits {
     SetLanes(taken, number, found + pairs.first);
   }
 
-  void Begin() {
-    PacketHits::Begin();
+  void Begin(const KernelJob& job, const FrustumRays& rays) {
+    PacketHits::Begin(job, rays);
     for (float& x : s) x = std::numeric_limits<float>::infinity();
   }
   void Finish(const KernelJob& job, std::size_t first, const FrustumRays& rays) {
@@ -356,8 +356,8 @@ struct WatertightPacketHits : PacketHits {
     high[place] = RoundedUp(decision.s[closer ? 1 : 0]);
   }
 
-  void Begin() {
-    PacketHits::Begin();
+  void Begin(const KernelJob& job, const FrustumRays& rays) {
+    PacketHits::Begin(job, rays);
     for (float& x : low) x = std::numeric_limits<float>::infinity();
     for (float& x : high) x = std::numeric_limits<float>::infinity();
   }

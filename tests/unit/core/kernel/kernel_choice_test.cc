@@ -53,8 +53,11 @@ class KernelChoice : public testing::Test {
 TEST_F(KernelChoice, ACamerasRaysAreAFrustumWherePrecisionsHaveOne) {
   EXPECT_EQ(Choose(Camera(), Precision::kFast).kernel, KernelKind::kFrustum);
   EXPECT_EQ(Choose(Camera(), Precision::kWatertight).kernel, KernelKind::kFrustum);
-  EXPECT_EQ(Choose(Camera(), Precision::kDouble).kernel, KernelKind::kStream);
-  EXPECT_EQ(Choose(Camera(), Precision::kExact).kernel, KernelKind::kStream);
+  EXPECT_EQ(Choose(Camera(), Precision::kDouble).kernel, KernelKind::kFrustum);
+  EXPECT_EQ(Choose(Camera(), Precision::kExact).kernel, KernelKind::kFrustum);
+  EXPECT_EQ(Choose(Camera(), Precision::kFast, true).kernel, KernelKind::kFrustum);
+  EXPECT_EQ(Choose(Camera(), Precision::kDouble, true).kernel, KernelKind::kStream);
+  EXPECT_EQ(Choose(Camera(), Precision::kExact, true).kernel, KernelKind::kStream);
   EXPECT_FALSE(Choose(Camera(), Precision::kFast).sort);
 }
 
