@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // kdrayd: reads its options, starts the backend and the server, and ends both when told to.
+#include <fcntl.h>
 #include <malloc.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -32,6 +34,15 @@ namespace {
 
 /// Enough that 64 clients with small batches wait for a processor rather than for a turn.
 constexpr std::size_t kShortFactor = 8;
+
+/// Opens /dev/null in place of each standard stream that is closed. Otherwise the next file or
+/// socket would get its number, and the log would be written into it.
+void OpenStandardStreams() {
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (fcntl(stream, F_GETFD) >= 0) continue;
+    if (open("/dev/null", O_RDWR) != stream) return;  // the lowest number that is free
+  }
+}
 
 /// Makes the process's size follow the memory that is reserved. By default the allocator keeps
 /// freed blocks in an arena for each thread, up to twice the largest one that was ever freed. With
@@ -239,6 +250,7 @@ int Run(const Config& config) {
 }  // namespace kdray::server
 
 int main(int argc, char** argv) {
+  kdray::server::OpenStandardStreams();
   try {
     auto parsed = kdray::server::ParseConfig(argc, argv);
     if (const auto* stop = std::get_if<kdray::server::ConfigExit>(&parsed)) {

@@ -28,7 +28,8 @@ std::vector<char*> Pointers(std::vector<std::string>& texts) {
 
 }  // namespace
 
-Daemon::Daemon(std::vector<std::string> options, std::vector<std::string> environment) {
+Daemon::Daemon(std::vector<std::string> options, std::vector<std::string> environment,
+               std::optional<int> closed) {
   int out[2], err[2];
   if (pipe2(out, O_CLOEXEC) != 0 || pipe2(err, O_CLOEXEC) != 0) std::abort();
   for (char** variable = environ; *variable != nullptr; ++variable) {
@@ -39,6 +40,7 @@ Daemon::Daemon(std::vector<std::string> options, std::vector<std::string> enviro
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_adddup2(&actions, out[1], STDOUT_FILENO);
   posix_spawn_file_actions_adddup2(&actions, err[1], STDERR_FILENO);
+  if (closed) posix_spawn_file_actions_addclose(&actions, *closed);
   const int failed = posix_spawn(&pid_, KDRAY_DAEMON, &actions, nullptr, Pointers(options).data(),
                                  Pointers(environment).data());
   posix_spawn_file_actions_destroy(&actions);

@@ -13,8 +13,10 @@ namespace kdray::test {
 
 class Daemon {
  public:
-  /// Starts kdrayd with the given options; `environment` holds NAME=VALUE.
-  explicit Daemon(std::vector<std::string> options, std::vector<std::string> environment = {});
+  /// Starts kdrayd with the given options; `environment` holds NAME=VALUE, and `closed` is a
+  /// standard stream that it starts without.
+  explicit Daemon(std::vector<std::string> options, std::vector<std::string> environment = {},
+                  std::optional<int> closed = std::nullopt);
   /// Kills it when it still runs.
   ~Daemon();
   Daemon(const Daemon&) = delete;

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -163,6 +164,18 @@ TEST_F(DaemonProcess, WantsTheTokensOfItsFileAndLogsNone) {
   EXPECT_EQ(daemon.errors().find("very-secret"), std::string::npos);
   Daemon without(Options({"--token-file", (folder_.path() / "none").string()}));
   EXPECT_EQ(without.WaitForExit(), 1);
+}
+
+TEST_F(DaemonProcess, WritesItsLogIntoNoFileOfItsOwnWhenItsStreamIsClosed) {
+  for (const int closed : {STDIN_FILENO, STDERR_FILENO}) {
+    Daemon daemon(Options(), {}, closed);
+    const int port = PortOf(daemon);
+    const std::string mesh = test::ObjText(test::IcoSphere({0, 0, 0}, 1, closed));
+    EXPECT_EQ(MustAnswer(port, MakeRequest("POST", "/v1/trees", mesh)).status, 201);
+    daemon.Signal(SIGTERM);
+    EXPECT_EQ(daemon.WaitForExit(), 0);
+    EXPECT_EQ(std::filesystem::file_size(folder_.path() / "data" / "lock"), 0u) << closed;
+  }
 }
 
 TEST_F(DaemonProcess, LogsOneJsonObjectALine) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Entry of the `kdray` command: only signals and streams.
+#include <fcntl.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -21,9 +22,19 @@ std::size_t ColumnsOf(int descriptor) {
   return 80;
 }
 
+// Opens /dev/null in place of each standard stream that is closed. Otherwise the next file or
+// connection would get its number, and results would be written into it.
+void OpenStandardStreams() {
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (fcntl(stream, F_GETFD) >= 0) continue;
+    if (open("/dev/null", O_RDWR) != stream) return;  // the lowest number that is free
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  OpenStandardStreams();
   // If the server closes while we send, report an error instead of ending the process.
   std::signal(SIGPIPE, SIG_IGN);
   kdray::client::RemoveUnfinishedFilesOnSignals();
