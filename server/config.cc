@@ -103,11 +103,14 @@ class Options {
     };
     return app_.add_option(name, callback, help)->envname(EnvironmentName(name))->type_name(type);
   }
+  /// An empty text is mostly a variable of the shell that is not set. As a host it would be every
+  /// address, as the file of the tokens no tokens.
   void AddText(const std::string& name, std::string& value, const std::string& help,
                const char* type) {
-    const auto take = [&value](const std::string& text) {
+    const auto take = [&value](const std::string& text) -> std::string {
+      if (text.empty()) return "must not be empty";
       value = text;
-      return std::string();
+      return {};
     };
     Add(name, help, type, take)->default_str(value);
   }

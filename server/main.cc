@@ -14,7 +14,6 @@
 #include <fstream>
 #include <functional>
 #include <iostream>
-#include <iterator>
 #include <memory>
 #include <string>
 #include <utility>
@@ -96,8 +95,12 @@ void LogFindings(const Log& log, const BackendCounters& counters) {
 core::Result<std::optional<BearerTokens>> ReadTokens(const std::filesystem::path& path) {
   if (path.empty()) return std::optional<BearerTokens>();
   std::ifstream file(path, std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(file), {}};
-  if (!file.good() && !file.eof()) {
+  std::string text;
+  // A folder can be opened; only reading it fails.
+  for (std::array<char, 4096> part{}; file.read(part.data(), part.size()) || file.gcount() > 0;) {
+    text.append(part.data(), static_cast<std::size_t>(file.gcount()));
+  }
+  if (!file.is_open() || file.bad()) {
     return core::Error{core::ErrorCode::kIo, "cannot read " + path.string()};
   }
   auto tokens = BearerTokens::Parse(text);

@@ -166,6 +166,13 @@ TEST_F(DaemonProcess, WantsTheTokensOfItsFileAndLogsNone) {
   EXPECT_EQ(without.WaitForExit(), 1);
 }
 
+TEST_F(DaemonProcess, SaysThatAFolderHoldsNoTokens) {
+  Daemon daemon(Options({"--token-file", folder_.path().string()}));
+  EXPECT_EQ(daemon.WaitForExit(), 1);
+  const std::string message = json::parse(daemon.errors()).at("message");
+  EXPECT_EQ(message, "cannot read " + folder_.path().string());
+}
+
 TEST_F(DaemonProcess, WritesItsLogIntoNoFileOfItsOwnWhenItsStreamIsClosed) {
   for (const int closed : {STDIN_FILENO, STDERR_FILENO}) {
     Daemon daemon(Options(), {}, closed);
