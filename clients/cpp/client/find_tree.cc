@@ -34,7 +34,8 @@ bool LooksLikeTreeId(std::string_view text) {
 
 std::string ResolveTreeId(Client& client, const std::string& text) {
   if (!LooksLikeTreeId(text))
-    throw UsageError("'" + Printable(text) + "' is neither a file here nor a tree id");
+    throw UsageError("'" + Printable(text) +
+                     "' is not a tree id, nor the first six digits or more of one");
   const auto [digest, build] = Split(text);
   if (digest.size() == kDigestLength && !build.empty()) return text;
 

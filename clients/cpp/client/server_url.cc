@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "kdray/server_url.h"
 
+#include <algorithm>
+#include <cctype>
 #include <charconv>
 
 #include "kdray/error.h"
@@ -19,15 +21,23 @@ bool TakePrefix(std::string_view prefix, std::string_view& text) {
   return true;
 }
 
+/// Like TakePrefix(), in letters of either case (RFC 3986, section 3.1).
+bool TakeScheme(std::string_view scheme, std::string_view& text) {
+  const std::string_view start = text.substr(0, scheme.size());
+  const bool is_same = std::equal(start.begin(), start.end(), scheme.begin(), scheme.end(),
+                                  [](unsigned char a, char b) { return std::tolower(a) == b; });
+  return is_same && TakePrefix(start, text);
+}
+
 }  // namespace
 
 ServerUrl ParseServerUrl(std::string_view text) {
   ServerUrl url;
   std::string_view rest = text;
-  if (TakePrefix("https://", rest)) {
+  if (TakeScheme("https://", rest)) {
     url.tls = true;
     url.port = 443;
-  } else if (!TakePrefix("http://", rest) && rest.find("://") != std::string_view::npos) {
+  } else if (!TakeScheme("http://", rest) && rest.find("://") != std::string_view::npos) {
     Reject(text, "only http and https are supported");
   }
   if (rest.find_first_of("?#@ \t\r\n") != std::string_view::npos)

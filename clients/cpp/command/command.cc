@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cctype>
+#include <functional>
 #include <ostream>
 #include <type_traits>
 #include <variant>
@@ -87,6 +88,18 @@ const Option* FindOption(const std::vector<Option>& options, const std::string& 
   return nullptr;
 }
 
+// Throws UsageError for the value of an option that is empty, which is mostly a variable of the
+// shell that is not set, or that is itself an option by `is_option`, so the value was forgotten.
+void CheckValue(const Option& option, const std::string& name, const std::string& value,
+                const std::function<bool(const std::string&)>& is_option) {
+  if (value.empty() && !option.may_be_empty) {
+    throw UsageError(name + ": the value is empty; leave the option out for its default");
+  }
+  if (value.starts_with("--") && is_option && is_option(value)) {
+    throw UsageError(name + " needs a value, and '" + value + "' follows it");
+  }
+}
+
 // Throws UsageError for a subcommand or an option that does not exist; the text names the nearest
 // that does. CLI11, which checks the rest, only says that a word was not expected. Returns the
 // subcommand, or nullptr if there is none.
@@ -124,8 +137,17 @@ const Subcommand* CheckWords(const CommandLine& line, std::span<const std::strin
       throw UsageError(where + " has no option '" + name + "'" + Suggestion(name, names) + "\n  " +
                        where + " --help lists the options");
     }
-    const bool value_is_attached = is_long ? word.find('=') != std::string::npos : word.size() > 2;
-    if (TakesValue(*option) && !value_is_attached) ++i;
+    if (!TakesValue(*option)) continue;
+    const std::size_t equals = is_long ? word.find('=') : word.size() > 2 ? 1 : std::string::npos;
+    if (equals != std::string::npos) {
+      CheckValue(*option, name, word.substr(equals + 1), {});
+    } else if (++i < arguments.size()) {
+      const auto known = [&](const std::string& next) {
+        return FindOption(line.options, next) != nullptr ||
+               (subcommand != nullptr && FindOption(subcommand->options, next) != nullptr);
+      };
+      CheckValue(*option, name, arguments[i], known);
+    }
   }
   return subcommand;
 }

@@ -12,6 +12,25 @@
 #include "kdray/trace_context.h"
 
 namespace kdray::client {
+namespace {
+
+/// Whether an argument `ID|FILE` is a file, or standard input.
+bool IsFile(const std::string& text) {
+  std::error_code ignored;
+  return text == "-" || std::filesystem::exists(text, ignored);
+}
+
+/// Throws UsageError for a text that cannot be an id, where a file was possible too.
+const std::string& CheckedId(const std::string& text) {
+  if (LooksLikeTreeId(text)) return text;
+  throw UsageError("'" + text + "' is neither a file here nor a tree id");
+}
+
+}  // namespace
+
+void RefuseSecondDash() {
+  throw UsageError("'-' is given twice; standard input can be read only once");
+}
 
 std::vector<Option> Session::Options() {
   return {{.name = "--server",
@@ -27,13 +46,15 @@ std::vector<Option> Session::Options() {
            .value = &token_,
            .type = "TOKEN",
            .last_wins = true,
-           .environment = "KDRAY_TOKEN"},
+           .environment = "KDRAY_TOKEN",
+           .may_be_empty = true},
           {.name = "--traceparent",
            .help = "Trace of these requests (W3C Trace Context), which the servers log",
            .value = &traceparent_,
            .type = "TEXT",
            .last_wins = true,
-           .environment = "TRACEPARENT"},
+           .environment = "TRACEPARENT",
+           .may_be_empty = true},
           {.name = "--timeout",
            .help = "Longest silence of the server to wait for, in seconds",
            .value = &timeout_s_,
@@ -70,7 +91,7 @@ Client Session::Connect() const {
 
 Payload Session::Read(const std::string& path) {
   if (path != "-") return Payload::OfFile(path);
-  if (stdin_is_taken_) throw UsageError("'-' is given twice; standard input can be read only once");
+  if (stdin_is_taken_) RefuseSecondDash();
   stdin_is_taken_ = true;
   ProgressBar reading = Bar("reading standard input", 0, ProgressUnit::Bytes());
   return Payload::OfStandardInput(
@@ -102,11 +123,18 @@ UploadResult Session::Upload(Client& client, const Payload& mesh, const std::str
 }
 
 std::string Session::TreeIdFor(Client& client, const std::string& id_or_file) {
-  std::error_code ignored;
-  if (id_or_file == "-" || std::filesystem::exists(id_or_file, ignored)) {
-    return Upload(client, Read(id_or_file), "auto").tree.id;
-  }
-  return ResolveTreeId(client, id_or_file);
+  if (IsFile(id_or_file)) return Upload(client, Read(id_or_file), "auto").tree.id;
+  return ResolveTreeId(client, CheckedId(id_or_file));
+}
+
+std::string Session::StoredTreeIdFor(Client& client, const std::string& id_or_file) {
+  if (!IsFile(id_or_file)) return ResolveTreeId(client, CheckedId(id_or_file));
+  const Payload mesh = Read(id_or_file);
+  ProgressBar hashing = Bar("hashing", static_cast<double>(mesh.size()), ProgressUnit::Bytes());
+  const std::string sha256 =
+      mesh.Sha256([&](std::uint64_t done) { hashing.Update(static_cast<double>(done)); });
+  hashing.Finish();
+  return ResolveTreeId(client, sha256);
 }
 
 void Session::Say(const std::string& line) {

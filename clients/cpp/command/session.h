@@ -22,6 +22,9 @@ struct Reported : std::runtime_error {
   ExitCode code;
 };
 
+/// Throws UsageError.
+[[noreturn]] void RefuseSecondDash();
+
 class Session {
  public:
   explicit Session(Console console) : console_(console) {}
@@ -42,6 +45,10 @@ class Session {
   /// for
   /// `-`, is uploaded first (build `auto`); any other text is an id or the beginning of one.
   std::string TreeIdFor(Client& client, const std::string& id_or_file);
+
+  /// The same for commands that ask about a tree and make none: a file is only hashed, and names
+  /// the tree that the server has of it.
+  std::string StoredTreeIdFor(Client& client, const std::string& id_or_file);
 
   bool quiet() const { return quiet_; }
   bool json() const { return json_; }

@@ -40,6 +40,7 @@ struct Option {
   std::vector<std::string> values = {};   ///< values known; the server may know others
   std::optional<int> count = {};          ///< how many values a vector takes; any number otherwise
   bool split_at_commas = false;
+  bool may_be_empty = false;  ///< an empty value is as good as none, and no mistake
 };
 
 /// A field of a request that an option sets. The text is sent unchanged; the server checks it.

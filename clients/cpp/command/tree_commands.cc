@@ -46,7 +46,7 @@ void List(const Options& options, Session& session) {
 
 void Show(const Options& options, Session& session) {
   Client client = session.Connect();
-  const Tree tree = client.GetTree(ResolveTreeId(client, options.trees.front()));
+  const Tree tree = client.GetTree(session.StoredTreeIdFor(client, options.trees.front()));
   if (session.json()) return session.PrintJson(tree.description);
   session.console().out << Printable(DetailsOf(tree.description));
 }
@@ -65,7 +65,8 @@ void Delete(const Options& options, Session& session) {
 
 void Cells(const Options& options, Session& session) {
   Client client = session.Connect();
-  const Document answer = client.Cells(ResolveTreeId(client, options.trees.front()), options.depth);
+  const std::string id = session.StoredTreeIdFor(client, options.trees.front());
+  const Document answer = client.Cells(id, options.depth);
   std::ostream& out = session.console().out;
   if (session.json()) return session.PrintJson(answer);
   std::vector<std::vector<std::string>> rows = {{"DEPTH", "KIND", "TRIANGLES", "MIN", "MAX"}};
@@ -82,7 +83,7 @@ void Mesh(const Options& options, Session& session) {
   TypeOfOutput(options.output, kMeshEndings);
   OutputFile file(options.output, session.console());
   Client client = session.Connect();
-  const Tree tree = client.GetTree(ResolveTreeId(client, options.trees.front()));
+  const Tree tree = client.GetTree(session.StoredTreeIdFor(client, options.trees.front()));
   const Document mesh = tree.description["mesh"];
   // A file with the wrong ending would mislead whoever opens it.
   const std::string format = mesh["format"].Text().value_or("");
@@ -111,14 +112,16 @@ std::vector<Subcommand> TreeCommands(Session& session) {
   const auto new_options = [] { return std::make_shared<Options>(); };
   const auto tree = [](const auto& options) {
     return Option{.name = "tree",
-                  .help = "Tree, whole id or its beginning",
+                  .help = "Tree: an id or its beginning, or a mesh that was uploaded",
                   .value = &options->trees,
-                  .type = "ID",
+                  .type = "ID|FILE",
                   .required = true,
                   .count = 1};
   };
   const auto trees = [&](const auto& options) {
     Option any_number = tree(options);
+    any_number.help = "Tree, whole id or its beginning";
+    any_number.type = "ID";
     any_number.count.reset();
     return any_number;
   };

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -69,6 +70,7 @@ void UploadMany(Client& client, const std::vector<std::string>& files, const std
 }
 
 void Upload(const Options& options, Session& session) {
+  if (std::count(options.files.begin(), options.files.end(), "-") > 1) RefuseSecondDash();
   const std::vector<std::string> files = ExpandMeshFiles(options.files);
   Client client = session.Connect();
   std::error_code ignored;

@@ -105,6 +105,14 @@ TEST_F(CommandTest, AWrongWordNamesItselfAndTheNearestRightOne) {
       {{"completion", "bsh"}, "there is no shell 'bsh'; did you mean 'bash'?"},
       {{"render", tree, "-o", "a.jpg"}, "'a.jpg' must end in .png or .npy"},
       {{"render", tree, "-o", "a.png", "--size", "640*480"}, "as 1920x1080, not '640*480'"},
+      {{"render", tree, "-o", "a.png", "--samples", ""}, "--samples: the value is empty"},
+      {{"render", tree, "-o", "a.png", "--samples="}, "--samples: the value is empty"},
+      {{"render", tree, "-o", ""}, "-o: the value is empty"},
+      {{"upload", "x", "--build", ""}, "--build: the value is empty"},
+      {{"render", tree, "-o", "a.png", "--shadows", "--size", "8x8"},
+       "--shadows needs a value, and '--size' follows it"},
+      {{"delete", "a.obj"}, "'a.obj' is not a tree id"},
+      {{"show", "a.obj"}, "'a.obj' is neither a file here nor a tree id"},
   };
   for (const auto& test : kCases) {
     SCOPED_TRACE(::testing::PrintToString(test.arguments));

@@ -52,6 +52,21 @@ TEST_F(CommandTest, AnIdMayBeCutToWhatNamesOneTree) {
   EXPECT_THAT(out_.str(), HasSubstr(kDigestA + "-kd-sah"));
 }
 
+TEST_F(CommandTest, AFileNamesTheTreeThatTheServerHasOfItAndIsNotSent) {
+  const std::string mesh = WriteMesh();
+  EXPECT_EQ(Run({"show", mesh}), kExitUsage);
+  EXPECT_THAT(err_.str(), HasSubstr("no tree on"));
+  service_.AddTree(IdOf(mesh, "bvh"));
+  EXPECT_EQ(Run({"show", mesh}), kExitOk);
+  EXPECT_THAT(out_.str(), HasSubstr("id        " + IdOf(mesh, "bvh") + "\n"));
+  EXPECT_EQ(Run({"cells", mesh, "--depth", "1"}), kExitOk);
+  EXPECT_EQ(Run({"mesh", mesh, "-o", folder_ / "copy.ply"}), kExitOk);
+  EXPECT_THAT(service_.Targets("POST"), IsEmpty());
+  // To delete, an id is needed: a pattern of the shell may name any file.
+  EXPECT_EQ(Run({"delete", mesh}), kExitUsage);
+  EXPECT_TRUE(service_.HasTree(IdOf(mesh, "bvh")));
+}
+
 TEST_F(CommandTest, AnIdThatNamesSeveralTreesOrNoneIsWrongUsage) {
   service_.AddTree(kDigestA + "-auto");
   service_.AddTree(kDigestB + "-auto");

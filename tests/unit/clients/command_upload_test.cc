@@ -43,6 +43,12 @@ TEST_F(CommandTest, UploadSendsTheHashOfItsBytesByWhichProxiesFindTheServer) {
   }
 }
 
+TEST_F(CommandTest, UploadReadsNothingIfStandardInputIsGivenTwice) {
+  EXPECT_EQ(Run({"upload", WriteMesh(), "-", "-"}), kExitUsage);
+  EXPECT_THAT(err_.str(), HasSubstr("'-' is given twice"));
+  EXPECT_THAT(service_.Seen(), IsEmpty());
+}
+
 TEST_F(CommandTest, UploadSendsNothingThatTheServerHas) {
   const std::string mesh = WriteMesh();
   ASSERT_EQ(Run({"upload", mesh}), kExitOk);

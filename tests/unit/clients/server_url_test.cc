@@ -24,6 +24,8 @@ TEST(ServerUrl, UnderstandsTheUsualWaysToNameAServer) {
       {"localhost:9000", false, "localhost", 9000, "", "http://localhost:9000"},
       {"example.org", false, "example.org", 80, "", "http://example.org"},
       {"https://example.org", true, "example.org", 443, "", "https://example.org"},
+      {"HTTPS://example.org", true, "example.org", 443, "", "https://example.org"},
+      {"Http://h:1", false, "h", 1, "", "http://h:1"},
       {"https://example.org:8443/", true, "example.org", 8443, "", "https://example.org:8443"},
       {"http://h/rays/", false, "h", 80, "/rays", "http://h/rays"},
       {"http://h:1/a/b", false, "h", 1, "/a/b", "http://h:1/a/b"},
