@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include "core/io/parse_text.h"
 
@@ -222,6 +223,44 @@ std::optional<ForeignFile> FindCad(std::string_view head) {
   return std::nullopt;
 }
 
+// One line that ends as the name of a mesh file does.
+bool IsFileName(std::string_view text) {
+  constexpr std::size_t kLongest = 4096;
+  text = text.substr(0, std::min(text.find_last_not_of(" \t\r\n\f\v") + 1, text.size()));
+  const std::size_t dot = text.rfind('.');
+  if (dot == std::string_view::npos || text.size() > kLongest) return false;
+  if (text.find_first_of("\r\n") != std::string_view::npos) return false;
+  static constexpr std::array<std::string_view, 6> kEndings = {"obj", "ply", "stl",
+                                                               "off", "glb", "gltf"};
+  return std::any_of(kEndings.begin(), kEndings.end(), [&](std::string_view ending) {
+    return EqualsIgnoringCase(text.substr(dot + 1), ending);
+  });
+}
+
+bool IsBase64(std::string_view text) {
+  constexpr std::size_t kShortest = 64;  // so that no word is taken for it
+  return text.size() >= kShortest && std::all_of(text.begin(), text.end(), [](char c) {
+           return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') ||
+                  c == '+' || c == '/' || c == '-' || c == '_' || c == '=' || c == '\r' ||
+                  c == '\n';
+         });
+}
+
+// Text of two bytes a character, most of them ASCII, without the mark that tells it.
+bool IsUtf16(std::string_view head) {
+  constexpr std::size_t kBytes = 16;
+  if (head.size() < kBytes) return false;
+  const auto is_text = [&](std::size_t first) {
+    for (std::size_t i = 0; i < kBytes; i += 2) {
+      const char c = head[i + first];
+      const bool is_ascii = (c >= ' ' && c <= '~') || c == '\t' || c == '\r' || c == '\n';
+      if (!is_ascii || head[i + 1 - first] != 0) return false;
+    }
+    return true;
+  };
+  return is_text(0) || is_text(1);
+}
+
 bool IsSeparator(char c) { return c == ' ' || c == '\t' || c == ',' || c == ';'; }
 
 struct Row {
@@ -249,6 +288,7 @@ std::optional<ForeignFile> FindForeignFile(std::string_view bytes) {
   for (const Signature& known : kSignatures) {
     if (head.starts_with(known.bytes)) return known.file;
   }
+  if (IsUtf16(head)) return ForeignFile{"text in UTF-16, not UTF-8", "save it as UTF-8"};
   if (Is3ds(head, bytes.size())) return ForeignFile{"a 3DS file", kExport};
   constexpr std::size_t kTarMagic = 257;
   if (head.size() > kTarMagic + 5 && head.substr(kTarMagic, 5) == "ustar") {
@@ -261,6 +301,24 @@ std::optional<ForeignFile> FindForeignFile(std::string_view bytes) {
   if (const auto form = FindForm(text)) return form;
   if (WithoutBlanks(text).starts_with('[')) return ForeignFile{"JSON", kExport};
   return FindCad(text);
+}
+
+std::optional<ForeignFile> FindForeignText(std::string_view text) {
+  text = WithoutBlanks(text.substr(0, kLookBytes));
+  if (text.starts_with('"')) return ForeignFile{"a JSON string", "send the text itself"};
+  if (text.starts_with("newmtl")) {
+    return ForeignFile{"the materials of an OBJ file (MTL)", "send the .obj file"};
+  }
+  if (IsFileName(text)) {
+    return ForeignFile{"the name of a file, not its content",
+                       "send the file itself (curl --data-binary @FILE)"};
+  }
+  if (IsBase64(text)) return ForeignFile{"base64, it seems", "decode it and send the bytes"};
+  return std::nullopt;
+}
+
+Error NoFaces(std::string message) {
+  return Error{ErrorCode::kEmptyMesh, std::move(message) + "; " + std::string(kNoFacesAdvice)};
 }
 
 bool IsListOfPoints(std::string_view text) {

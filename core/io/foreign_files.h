@@ -4,9 +4,11 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <string_view>
 
 #include "core/base/cancel_poll.h"
+#include "core/base/result.h"
 
 namespace kdray::core {
 
@@ -19,12 +21,19 @@ struct ForeignFile {
 /// look (IsListOfPoints). O(1).
 std::optional<ForeignFile> FindForeignFile(std::string_view bytes);
 
+/// The same for a text that no reader and no signature recognises: the name of a file, base64, a
+/// JSON string, materials. O(1).
+std::optional<ForeignFile> FindForeignText(std::string_view text);
+
 /// True when each of the first lines of the text holds coordinates: at least three numbers, between
 /// blanks, commas or semicolons. The first line may be a count (PTS) or the names of columns. O(1).
 bool IsListOfPoints(std::string_view text);
 
 inline constexpr std::string_view kNoFacesAdvice =
     "points have no surface, send a mesh with faces (made from the points, if need be)";
+
+/// kEmptyMesh for a file of a format that can also hold points alone, with that advice.
+Error NoFaces(std::string message);
 
 /// True for a text of some length without a line break, the result of `curl -d @FILE` for a text
 /// file. O(text). When the poll has stopped, the result is unspecified.

@@ -21,6 +21,7 @@ namespace {
 // If the first statement does not identify the format, this part of the text is searched for a line
 // that does.
 constexpr std::size_t kLookBytes = 1 << 20;
+constexpr std::size_t kHeadBytes = 84;  // of a binary STL: its header and its count
 
 bool IsCount(std::string_view word) {
   const std::optional<std::int64_t> number = ParseCount(word);
@@ -81,7 +82,10 @@ Error Unknown(std::string_view all, std::string_view text, CancelPoll* poll) {
   if (IsListOfPoints(text)) {
     return UnsupportedFormat("a list of points", kNoFacesAdvice);
   }
-  if (HasLostItsLineBreaks(text, poll)) {
+  if (const std::optional<ForeignFile> foreign = FindForeignText(text)) {
+    return UnsupportedFormat(foreign->name, foreign->advice);
+  }
+  if (!IsBinary(all.substr(0, kHeadBytes)) && HasLostItsLineBreaks(text, poll)) {
     return UnsupportedFormat("in no known format", kLineBreaksAdvice);
   }
   constexpr std::size_t kQuotedBytes = 80;  // more than Quoted shows
@@ -125,8 +129,9 @@ Result<MeshFormat> FindFormat(std::string_view bytes, CancelPoll* poll) {
   }
   if (const std::optional<MeshFormat> format = FindByFirstStatement(cursor)) return *format;
   // Bytes that are not text and not recognised can only be a binary STL with a wrong count.
-  if (IsBinary(bytes.substr(0, 84))) {
-    return bytes.size() >= 84 ? Result<MeshFormat>(MeshFormat::kStl) : Unknown(bytes, text, poll);
+  if (IsBinary(bytes.substr(0, kHeadBytes))) {
+    return bytes.size() >= kHeadBytes ? Result<MeshFormat>(MeshFormat::kStl)
+                                      : Unknown(bytes, text, poll);
   }
   if (const std::optional<MeshFormat> format = FindByAnyStatement(text)) return *format;
   return Unknown(bytes, text, poll);

@@ -14,6 +14,7 @@
 #include "core/base/cancel_poll.h"
 #include "core/io/attribute_sink.h"
 #include "core/io/claimed_rows.h"
+#include "core/io/foreign_files.h"
 #include "core/io/mesh_error.h"
 #include "core/io/parse_text.h"
 #include "core/io/polygon.h"
@@ -97,6 +98,7 @@ class ObjReader {
       if (Status status = (this->*pass)(); !status.ok()) return std::move(status).error();
     }
     if (data_.triangles.empty()) {
+      if (counts_.most_corners == 0) return NoFaces("the OBJ file has no face");
       return Error{ErrorCode::kEmptyMesh, "the OBJ file has no face with three or more corners"};
     }
     return std::move(data_);

@@ -88,7 +88,11 @@ class OffReader {
   // number of lines suggests.
   Result<MeshData> Read() {
     if (Status status = ReadCounts(); !status.ok()) return std::move(status).error();
-    if (faces_ == 0) return Error{ErrorCode::kEmptyMesh, "the OFF file has no face"};
+    if (faces_ == 0) {
+      // Without its keyword, ReadOff() says what the file may be.
+      return has_keyword_ ? NoFaces("the OFF file has no face")
+                          : Error{ErrorCode::kEmptyMesh, "the OFF file has no face"};
+    }
     Result<MeshData> even = ReadBody(Layout::kEvenLines);
     if (even.ok() || !IsOfTheFile(even.error())) return even;
     const Result<std::uint64_t> lines = CountLines();

@@ -5,6 +5,7 @@
 #include <string_view>
 #include <utility>
 
+#include "core/io/foreign_files.h"
 #include "core/io/mesh_error.h"
 
 namespace kdray::core {
@@ -63,9 +64,9 @@ Result<PlyColumns> FindPlyColumns(const PlyHeader& header) {
       columns.face = strips;
       columns.is_strips = true;
     } else if (columns.face == nullptr) {
-      return Error{ErrorCode::kEmptyMesh, "the PLY file has no element 'face'"};
+      return NoFaces("the PLY file has no element 'face'");
     } else {
-      return Error{ErrorCode::kEmptyMesh, "the PLY file has no face"};
+      return NoFaces("the PLY file has no face");
     }
   }
   if (Status status = FindVertex(header, &columns); !status.ok()) return std::move(status).error();

@@ -117,8 +117,16 @@ TEST(MeshReader, NamesWhatItDoesNotReadAndWhatToSendInstead) {
            Case{"plywood", unknown + "'plywood')", ""},
            Case{"hello world\nagain", unknown + "'hello world')", ""},
            Case{"1 2\n3 4\n", unknown + "'1 2')", ""},
-           Case{"newmtl a\nKd 1 1 1\n", unknown + "'newmtl a')", ""},
+           Case{"newmtl a\nKd 1 1 1\n", "the materials of an OBJ file (MTL)", "the .obj file"},
            Case{std::string("\1\0\2", 3), unknown + "'\\x01\\x00\\x02')", ""},
+           Case{std::string(83, '\1'), unknown, ""},
+           Case{"@cube.obj", "the name of a file", form},
+           Case{"C:\\My Meshes\\Cube.STL\r\n", "the name of a file", form},
+           Case{"\"v 0 0 0\\nv 1 0 0\\nf 1 1 1\"", "a JSON string", "send the text itself"},
+           Case{"dmVydGljZXM6IDAgMCAwLCAxIDAgMCwgMCAxIDAsIGFuZCBmYWNlczogMCAxIDI\nMA==", "base64",
+                "decode it"},
+           Case{std::string("v\0 \0000\0 \0000\0 \0000\0\n\0", 16), "text in UTF-16", "UTF-8"},
+           Case{std::string("\0v\0 \0000\0 \0000\0 \0000\0\n", 16), "text in UTF-16", "UTF-8"},
        }) {
     const Error error = MustRefuse(c.bytes);
     EXPECT_EQ(error.code, ErrorCode::kUnsupportedMeshFormat) << c.what;
@@ -126,6 +134,21 @@ TEST(MeshReader, NamesWhatItDoesNotReadAndWhatToSendInstead) {
     EXPECT_NE(error.message.find(c.advice), std::string::npos) << error.message;
     EXPECT_TRUE(error.message.ends_with("; the formats are obj, ply, stl, off, glb, gltf"))
         << error.message;
+  }
+}
+
+TEST(MeshReader, SaysThatPointsAloneHaveNoSurface) {
+  const std::string xyz = "property float x\nproperty float y\nproperty float z\n";
+  const std::string ply = "ply\nformat ascii 1.0\nelement vertex 1\n" + xyz;
+  for (const std::string& text : {
+           ply + "end_header\n0 0 0\n",
+           ply + "element face 0\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n",
+           std::string("OFF\n1 0 0\n0 0 0\n"),
+           std::string("v 0 0 0\nv 1 0 0\np 1 2\n"),
+       }) {
+    const Error error = MustRefuse(text);
+    EXPECT_EQ(error.code, ErrorCode::kEmptyMesh);
+    EXPECT_NE(error.message.find("points have no surface"), std::string::npos) << error.message;
   }
 }
 

@@ -200,7 +200,9 @@ TEST(ObjReader, CallsAFileWithoutTrianglesEmpty) {
        {std::string("v 0 0 0\n"), kSquare + "l 1 2\np 1\n", kSquare + "f 1 2\n"}) {
     const Error error = MustRefuse(text);
     EXPECT_EQ(error.code, ErrorCode::kEmptyMesh);
-    EXPECT_EQ(error.message, "the OBJ file has no face with three or more corners");
+    EXPECT_THAT(error.message, testing::StartsWith("the OBJ file has no face"));
+    const bool has_face = text.find('f') != std::string::npos;
+    EXPECT_EQ(error.message.find("points have no surface") == std::string::npos, has_face);
   }
 }
 
