@@ -204,7 +204,9 @@ class ObjReader {
     for (int i = 0; i < count; ++i) {
       const std::string_view word = cursor.NextWord();
       if (word.empty()) break;
-      numbers[i] = ParseNumber(word).value_or(std::numeric_limits<double>::quiet_NaN());
+      std::optional<double> number = ParseNumber(word);
+      if (!number) number = ParseNumber(cursor.BeforeHash(word));
+      numbers[i] = number.value_or(std::numeric_limits<double>::quiet_NaN());
     }
     return numbers;
   }
@@ -241,7 +243,8 @@ class ObjReader {
       Vec3d vertex;
       for (int axis = 0; axis < 3; ++axis) {
         const std::string_view word = cursor.NextWord();
-        const std::optional<double> number = ParseCoordinate(word);
+        std::optional<double> number = ParseCoordinate(word);
+        if (!number) number = ParseCoordinate(cursor.BeforeHash(word));
         if (!number) return AtLine(cursor.line(), WhyNotNumber(word));
         vertex[axis] = *number;
       }
@@ -280,7 +283,8 @@ class ObjReader {
     for (;;) {
       const std::string_view word = cursor.NextWord();
       if (word.empty()) break;
-      const std::optional<Corner> corner = ParseCorner(word);
+      std::optional<Corner> corner = ParseCorner(word);
+      if (!corner) corner = ParseCorner(cursor.BeforeHash(word));
       if (!corner) return AtLine(cursor.line(), Quoted(word) + " is not a corner of a face");
       const std::int64_t number = corner->vertex;
       const std::int64_t index = number < 0 ? seen.vertices + number : number - 1;

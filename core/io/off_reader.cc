@@ -220,7 +220,8 @@ class OffReader {
       Vec3d vertex;
       for (int axis = 0; axis < 3; ++axis) {
         const std::string_view word = NextWordOfRow();
-        const std::optional<double> number = ParseCoordinate(word);
+        std::optional<double> number = ParseCoordinate(word);
+        if (!number) number = ParseCoordinate(cursor_.BeforeHash(word));
         if (!number) return Broken(WhyNotNumber(word));
         vertex[axis] = *number;
       }
@@ -363,7 +364,8 @@ class OffReader {
       corners_.clear();
       for (std::uint64_t i = 0; i < corners; ++i) {
         const std::string_view word = NextWordOfRow();
-        const std::optional<std::int64_t> index = ParseCount(word);
+        std::optional<std::int64_t> index = ParseCount(word);
+        if (!index) index = ParseCount(cursor_.BeforeHash(word));
         if (!index) return Broken(WhyNotInteger(word));
         if (!IsVertexIndex(*index, data_.vertices.size()))
           return Broken(WhyNotVertexIndex(*index, data_.vertices.size()));

@@ -186,6 +186,13 @@ std::string_view TextCursor::NextWord() {
   return text_.substr(begin, position_ - begin);
 }
 
+std::string_view TextCursor::BeforeHash(std::string_view word) {
+  const std::size_t hash = word.find('#');
+  if (hash == std::string_view::npos) return word;
+  position_ = static_cast<std::size_t>(word.data() - text_.data()) + hash;
+  return word.substr(0, hash);
+}
+
 std::string_view TextCursor::NextWordOnAnyLine() {
   for (;;) {
     const std::string_view word = NextWord();

@@ -31,6 +31,9 @@ class TextCursor {
 
   /// The next word of this line; empty at its end.
   std::string_view NextWord();
+  /// The part of a word, which NextWord() has just returned, before a # in it; the rest of its line
+  /// is then a comment. For numbers, in which a # cannot be; a name may have one.
+  std::string_view BeforeHash(std::string_view word);
   /// The next word of this line or of a later one; empty at the end of the text.
   std::string_view NextWordOnAnyLine();
   /// Moves to the beginning of the next line.

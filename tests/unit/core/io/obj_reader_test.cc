@@ -206,6 +206,15 @@ TEST(ObjReader, CallsAFileWithoutTrianglesEmpty) {
   }
 }
 
+TEST(ObjReader, EndsANumberWhereACommentTouchesIt) {
+  const MeshData data = MustRead("v 0 0 0#a 7\nv 1 0 0# b\nv 0 1 0 #\nf 1 2 3#c 1 2\nf 1//1 2 3##");
+  EXPECT_THAT(data.vertices, ElementsAre(Vec3d{}, Vec3d{1, 0, 0}, Vec3d{0, 1, 0}));
+  EXPECT_THAT(data.triangles, ElementsAre(TriangleIndices{0, 1, 2}, TriangleIndices{0, 1, 2}));
+  ExpectInvalidAtLine("v 0 0 x#1\nf 1 1 1\n", 1, "line 1: 'x#1' is not a number");
+  ExpectInvalidAtLine(kSquare + "f 1 2 3/#\nf 1 2 y#\n", 6,
+                      "line 6: 'y#' is not a corner of a face");
+}
+
 TEST(ObjReader, NamesTheLineOfAPolygonThatIsTooLargeToCut) {
   std::string text = "v 0 0 0\nv 4 0 0\nv 1 1 0\nv 0 4 0\nf 1 2 3\nf";
   for (int i = 0; i < 140000; ++i) text += (i % 2 == 0) ? " 1 2" : " 3 4";

@@ -54,6 +54,12 @@ TEST(OffReader, TakesEveryWayToWriteTheHeader) {
   }
 }
 
+TEST(OffReader, EndsANumberWhereACommentTouchesIt) {
+  const MeshData data = MustRead("OFF\n3 1 0\n0 0 0#a\n1 0 0# b 5\n0 1 0\n3 0 1 2#c 1\n");
+  EXPECT_THAT(data.vertices, ElementsAre(Vec3d{}, Vec3d{1, 0, 0}, Vec3d{0, 1, 0}));
+  EXPECT_THAT(data.triangles, ElementsAre(TriangleIndices{0, 1, 2}));
+}
+
 TEST(OffReader, SkipsColoursNormalsCommentsAndBlankLines) {
   ExpectSquare(
       MustRead("COFF\n4 1 0\n\n0 0 0 255 0 0 255\n1 0 0 1.0 0.5 # a vertex\n1 1 0\n# between\n\t\n"
