@@ -136,7 +136,7 @@ Status ChooseAxes(const CameraSpec& spec, const Bounds3d& bounds, Camera* camera
   const bool from_middle = spec.projection == Projection::kSpherical && !spec.view;
   if (spec.eye || from_middle) {
     const Vec3d view = spec.target.value_or(bounds.Center()) - spec.eye.value_or(bounds.Center());
-    if (!IsFinite(view)) return Invalid("eye", "too far from the mesh");
+    if (!IsFinite(view)) return Invalid(spec.eye ? "eye" : "target", "too far from the mesh");
     if (MaxAbs(view) > 0) camera->forward = NormalizedAtAnyScale(view);
   }
 
@@ -266,6 +266,22 @@ void PlaceOrthographic(const CameraSpec& spec, const Bounds3d& bounds, Camera* c
   camera->pixel_width = camera->pixel_height;
 }
 
+// The parameter that makes a view too large: of those that the caller gave, the largest.
+std::string_view LargestParameter(const CameraSpec& spec) {
+  if (spec.intrinsic) return "intrinsic";
+  std::string_view field = "fov_deg";  // a small one moves the eye away
+  double largest = 0;
+  const auto see = [&](std::string_view name, double size) {
+    if (!(size > largest)) return;
+    largest = size;
+    field = name;
+  };
+  if (spec.eye) see("eye", MaxAbs(*spec.eye));
+  if (spec.target) see("target", MaxAbs(*spec.target));
+  if (spec.view_height) see("view_height", *spec.view_height);
+  return field;
+}
+
 }  // namespace
 
 Result<Camera> ResolveCamera(const CameraSpec& spec, const Bounds3d& bounds, int width,
@@ -303,8 +319,8 @@ Result<Camera> ResolveCamera(const CameraSpec& spec, const Bounds3d& bounds, int
   const double reach_y = (height + std::abs(camera.center_y_px)) * camera.pixel_height;
   if (!IsFinite(camera.eye) || !IsFinite(camera.target) || !std::isfinite(reach_x) ||
       !std::isfinite(reach_y)) {
-    const std::string_view field = by_matrix ? "extrinsic" : spec.intrinsic ? "intrinsic" : "eye";
-    return Invalid(field, "the view is too large for the numbers that describe it");
+    return Invalid(by_matrix ? "extrinsic" : LargestParameter(spec),
+                   "the view is too large for the numbers that describe it");
   }
   return camera;
 }
