@@ -7,8 +7,8 @@ namespace kdray::api {
 
 Problem UnknownField(std::string_view name, const std::vector<std::string_view>& names) {
   std::string detail = "there is no " + Quoted(name) + " here";
-  const char* before = names.empty() ? "; none is allowed" : "; there are ";
-  if (names.empty()) detail += before;
+  if (names.empty()) detail += "; no parameter is allowed";
+  const char* before = "; there are ";
   for (const std::string_view known : names) {
     detail += before;
     detail += known;

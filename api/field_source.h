@@ -56,7 +56,10 @@ class TextSource {
   }
   Outcome<double> Number(const FieldKind& kind) const {
     double value = 0;
-    const auto [end, error] = std::from_chars(text_.data(), End(), value);
+    // A plus sign may precede a number, which std::from_chars does not take.
+    const bool has_plus = text_.size() > 1 && text_[0] == '+' && text_[1] != '-';
+    const char* const begin = text_.data() + (has_plus ? 1 : 0);
+    const auto [end, error] = std::from_chars(begin, End(), value);
     if (end != End() || (error != std::errc() && error != std::errc::result_out_of_range)) {
       return Refuse(kind);
     }

@@ -19,17 +19,19 @@ Problem JsonProblem(ErrorCode code, std::string_view text, const char* seen, std
   return problem;
 }
 
-Check RefuseNul(std::string_view text) {
+Check RefuseNul(std::string_view name, std::string_view text) {
   const std::size_t nul = text.find('\0');
   if (nul == std::string_view::npos) return std::nullopt;
-  return JsonProblem(ErrorCode::kInvalidJson, text, text.data() + nul + 1,
-                     "the body is not JSON: its byte " + std::to_string(nul) + " is NUL",
-                     std::nullopt);
+  return JsonProblem(
+      ErrorCode::kInvalidJson, text, text.data() + nul + 1,
+      std::string(name) + " is not JSON: its byte " + std::to_string(nul) + " is NUL",
+      std::nullopt);
 }
 
-Problem NotJson(std::string_view text, const char* seen, std::string_view parser_message) {
+Problem NotJson(std::string_view name, std::string_view text, const char* seen,
+                std::string_view parser_message) {
   if (text.empty()) {
-    return Problem{ErrorCode::kInvalidJson, "the body is empty; JSON was expected"};
+    return Problem{ErrorCode::kInvalidJson, std::string(name) + " is empty; JSON was expected"};
   }
   // "[json.exception.parse_error.101] parse error at line 1, column 3: syntax error while parsing
   // …"
@@ -50,8 +52,8 @@ Problem NotJson(std::string_view text, const char* seen, std::string_view parser
     }
     detail += "; last read: " + Quoted(read);
   }
-  return JsonProblem(ErrorCode::kInvalidJson, text, seen, "the body is not JSON: " + detail,
-                     std::nullopt);
+  return JsonProblem(ErrorCode::kInvalidJson, text, seen,
+                     std::string(name) + " is not JSON: " + detail, std::nullopt);
 }
 
 }  // namespace kdray::api

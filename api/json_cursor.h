@@ -68,11 +68,12 @@ Problem JsonProblem(ErrorCode code, std::string_view text, const char* seen, std
                     std::optional<std::string> pointer);
 
 /// Call before parsing: nlohmann-json treats a NUL as the end of the text and would ignore the
-/// rest.
-Check RefuseNul(std::string_view text);
+/// rest. `name` is the text's name in messages, as in NotJson().
+Check RefuseNul(std::string_view name, std::string_view text);
 
 /// invalid_json from the parser's message: its line and column, without its exception type and the
 /// text's bytes.
-Problem NotJson(std::string_view text, const char* seen, std::string_view parser_message);
+Problem NotJson(std::string_view name, std::string_view text, const char* seen,
+                std::string_view parser_message);
 
 }  // namespace kdray::api

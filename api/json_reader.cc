@@ -25,7 +25,7 @@ class Builder {
       : name_(name), text_(text), max_depth_(max_depth), object_only_(object_only) {}
 
   Outcome<JsonValue> Read() {
-    if (Check problem = RefuseNul(text_)) return *std::move(problem);
+    if (Check problem = RefuseNul(name_, text_)) return *std::move(problem);
     json::sax_parse(JsonCursor(text_.data(), &seen_),
                     JsonCursor(text_.data() + text_.size(), &seen_), this);
     if (problem_) return *std::move(problem_);
@@ -77,7 +77,7 @@ class Builder {
       return Add(nullptr) &&
              Fail("the number " + Quoted(last_token) + " is beyond the range of double");
     }
-    problem_ = NotJson(text_, seen_, error.what());
+    problem_ = NotJson(name_, text_, seen_, error.what());
     return false;
   }
 

@@ -50,7 +50,10 @@ class RowReader {
         should_stop_(should_stop) {}
 
   Check Read() {
-    if (Check problem = RefuseNul(text_)) return problem;
+    if (Check problem = RefuseNul("the body", text_)) {
+      const bool is_object = text_.starts_with('{');
+      return is_object ? *std::move(problem) : NameTheForms(*std::move(problem));
+    }
     // The return value only repeats whether one of the callbacks returned false.
     try {
       json::sax_parse(JsonCursor(text_.data(), &seen_, &should_stop_),
@@ -150,12 +153,20 @@ class RowReader {
       return Fail(ErrorCode::kInvalidJson,
                   "the number " + Quoted(last_token) + " is beyond the range of double", Pointer());
     }
-    problem_ = NotJson(text_, seen_, error.what());
+    Problem problem = NotJson("the body", text_, seen_, error.what());
+    problem_ = level_ == Level::kText ? NameTheForms(std::move(problem)) : std::move(problem);
     return false;
   }
 
  private:
   enum class Level { kText, kObject, kRows, kRow };
+
+  /// For a body that does not even begin as JSON does, such as the bytes of an array without its
+  /// header.
+  static Problem NameTheForms(Problem problem) {
+    problem.detail += "; a batch is JSON or a .npy file (numpy.save)";
+    return problem;
+  }
 
   bool Number(double value) {
     if (level_ != Level::kRow) return WrongKind("a number");

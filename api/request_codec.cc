@@ -12,15 +12,21 @@
 namespace kdray::api {
 namespace {
 
+Problem EmptyInterval(double t_min, double t_max, const char* remark, const char* parameter) {
+  return Problem{ErrorCode::kInvalidParameter,
+                 "t_min (" + NumberText(t_min) + ") is greater than t_max (" + NumberText(t_max) +
+                     remark + ")",
+                 parameter};
+}
+
 Outcome<RayOptions> CheckedRayOptions(Outcome<RayOptions> options) {
   if (!options) return options;
   if (options->auto_t_max) options->t_max = 1;
   // Checked here, because one mistake would make every row of 6 invalid.
   if (options->t_max && !(options->t_min <= *options->t_max)) {
-    return Problem{ErrorCode::kInvalidParameter,
-                   "t_min (" + NumberText(options->t_min) + ") is greater than t_max (" +
-                       NumberText(*options->t_max) + (options->auto_t_max ? ", auto)" : ")"),
-                   "t_min"};
+    // t_min is 0 if it was left out; the mistake is then in t_max.
+    return EmptyInterval(options->t_min, *options->t_max, options->auto_t_max ? ", auto" : "",
+                         options->t_min == 0 ? "t_max" : "t_min");
   }
   return options;
 }
@@ -150,7 +156,7 @@ Outcome<VisibilityOptions> DecodeVisibilityOptions(std::string_view query, const
                    "t_max is for points; with to_directions rays have no end", "t_max"};
   }
   if (options->t_min && options->t_max && *options->t_min > *options->t_max) {
-    return Problem{ErrorCode::kInvalidParameter, "t_min is greater than t_max", "t_min"};
+    return EmptyInterval(*options->t_min, *options->t_max, "", "t_min");
   }
   return options;
 }

@@ -101,7 +101,10 @@ api::Problem WithPointer(api::Problem problem) {
 
 api::Outcome<HttpResponse> Post(const HandlerContext& context, RoutedRequest& routed,
                                 ImageForm form) {
-  if (auto problem = api::CheckNoParameters(routed.http.query_string)) return *std::move(problem);
+  if (auto problem = api::CheckNoParameters(routed.http.query_string)) {
+    problem->detail += "; the fields of a POST are in its JSON body";
+    return *std::move(problem);
+  }
   if (auto problem = context.backend.Find(routed.path_parameter)) return *std::move(problem);
   const auto body = ReadWholeBody(context, routed, context.limits.max_json_body_bytes, {});
   if (!body) return body.problem();

@@ -333,6 +333,16 @@ TEST(RayRowsFromJson, RefusesNulWhereTheParserWouldTakeItForTheEnd) {
   }
 }
 
+TEST(RayRowsFromJson, NamesItsFormsToABodyThatIsNoJsonAtAll) {
+  using std::string_literals::operator""s;
+  for (const std::string& body : {"rays=1"s, "\0\0\x80\x3f"s, "\x80\4\x95\0"s}) {
+    EXPECT_THAT(Read(body).problem().detail, HasSubstr("a .npy file (numpy.save)")) << body;
+  }
+  for (const std::string& body : {"{\"rays\":[[NaN]]}"s, "{\"rays\":[]\0}"s}) {
+    EXPECT_THAT(Read(body).problem().detail, testing::Not(HasSubstr("npy"))) << body;
+  }
+}
+
 TEST(RayRowsFromJson, NamesTheLine) {
   const auto line_of = [](std::string_view json) {
     const auto rows = Read(json);

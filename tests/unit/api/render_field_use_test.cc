@@ -218,6 +218,14 @@ TEST(Lights, AreRefusedByPointer) {
   EXPECT_EQ(pointer_in("[7]"), "/lights/0");
 }
 
+TEST(Lights, NameThemselvesAndNoBodyWhereTheTextIsNotJson) {
+  for (const char* text : {"", "[", "[%00]"}) {
+    const auto query = Query("lights=" + std::string(text));
+    EXPECT_THAT(query.problem().detail, HasSubstr(": lights is "));
+    EXPECT_THAT(query.problem().detail, testing::Not(HasSubstr("body")));
+  }
+}
+
 TEST(Lights, AreAtMostSixtyFour) {
   std::string lights = R"([{"direction":[0,0,1]})";
   for (std::size_t i = 1; i < kMaxLights; ++i) lights += R"(,{"direction":[0,0,1]})";

@@ -40,6 +40,16 @@ TEST(RenderRequests, RefuseUnknownFieldsAndSayWhatThereIs) {
   EXPECT_EQ(body.problem().line, 3u);
 }
 
+TEST(RenderRequests, TakeAPlusSignBeforeANumber) {
+  const auto request = Query("eye=+1,-2,+3e+1");
+  ASSERT_TRUE(request);
+  EXPECT_EQ(request->eye, (Vec3{1, -2, 30}));
+  EXPECT_EQ(DecodeAnyOptions("t_min=%2B.5", kLimits)->t_min, 0.5);
+  for (const char* query : {"eye=+,1,2", "eye=++1,0,0", "eye=+-1,0,0", "width=+1"}) {
+    EXPECT_FALSE(Query(query)) << query;
+  }
+}
+
 TEST(RenderRequests, RefuseAnUnknownModeByNamingTheModesThereAre) {
   EXPECT_THAT(Query("mode=wireframe").problem().detail,
               HasSubstr("must be one of shaded, normal, depth, triangle, ambient-occlusion, cost, "
@@ -218,7 +228,7 @@ TEST(RayQueries, RefuseEverythingElseByName) {
       {"t_max=Infinity", "t_max"},
       {"t_max=1e999", "t_max"},
       {"t_min=2&t_max=1", "t_min"},
-      {"t_max=-1", "t_min"},
+      {"t_max=-1", "t_max"},
       {"deadline_ms=0", "deadline_ms"},
       {"deadline_ms=600001", "deadline_ms"},
       {"deadline_ms=1.5", "deadline_ms"},
@@ -313,7 +323,7 @@ TEST(PathsWithoutParameters, RefuseAny) {
   const Check refused = CheckNoParameters("x=1");
   ASSERT_TRUE(refused.has_value());
   EXPECT_EQ(refused->parameter, "x");
-  EXPECT_THAT(refused->detail, HasSubstr("none is allowed"));
+  EXPECT_THAT(refused->detail, HasSubstr("there is no 'x' here; no parameter is allowed"));
   EXPECT_TRUE(CheckNoParameters("%").has_value());
 }
 
