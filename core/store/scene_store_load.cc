@@ -169,8 +169,12 @@ Result<SceneStore::Contents> SceneStore::Load() {
 
   RecordedMeshes recorded = RecordedIn(catalog);
   if (!missing->empty() && !recorded.empty()) {
-    return Refusal("the folder " + std::string(*missing->begin()) +
-                   " is missing, but the catalog names " + Count(recorded.size(), "mesh", "es"));
+    const std::string_view folder = *missing->begin();
+    const bool is_derived = folder != kFolders[IndexOf(FileGroup::kMeshes)];
+    return Refusal(
+        "the folder " + std::string(folder) + " is missing, but the catalog names " +
+        Count(recorded.size(), "mesh", "es") +
+        (is_derived ? " (its files can be made again; make an empty folder in its place)" : ""));
   }
   const std::vector<FileInfo>& meshes = files[IndexOf(FileGroup::kMeshes)];
   CompleteSizes(meshes, &recorded);

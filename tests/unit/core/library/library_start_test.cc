@@ -372,6 +372,18 @@ TEST_F(RealStartTest, AFolderThatWasMovedRefusesTheStartAndIsNotMadeAgain) {
   ExpectAllThere();
 }
 
+TEST_F(RealStartTest, AFolderOfDerivedFilesThatIsMissingMayBeMadeAgainEmpty) {
+  Fill();
+  for (const char* const name : {"trees", "parsed", "measured"}) {
+    const auto folder = options_.data_dir / name;
+    std::filesystem::remove_all(folder);
+    ExpectRefused("folder " + std::string(name) + " is missing");
+    ExpectRefused("(its files can be made again; make an empty folder in its place)");
+    std::filesystem::create_directory(folder);
+  }
+  ExpectAllThere();
+}
+
 TEST_F(RealStartTest, ADataDirectoryMayBeALink) {
   const auto link = folder_.path() / "link";
   std::filesystem::create_directory(folder_.path() / "target");
