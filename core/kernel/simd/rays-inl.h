@@ -2,6 +2,7 @@
 // A ray's constants for culling and for the filters, in float.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -152,18 +153,17 @@ KDRAY_INLINE bool PrepareUsual(const RayBatch& rays, std::size_t row, const Fram
 }
 
 /// Computes the constants of the filters of projected triangles; the quotients are those of
-/// WatertightIntersection.
+/// WatertightIntersection. No branch depends on the axis, which is random for unrelated rays.
 inline void PrepareShear(const LocalRay& local, CullRay* ray) {
-  const double x = std::fabs(local.direction.x);
-  const double y = std::fabs(local.direction.y);
-  const double z = std::fabs(local.direction.z);
-  const std::uint32_t z_axis = x >= y ? (x >= z ? 0 : 2) : (y >= z ? 1 : 2);
-  ray->axis[2] = z_axis;
-  ray->axis[0] = z_axis == 2 ? 0 : z_axis + 1;
-  ray->axis[1] = ray->axis[0] == 2 ? 0 : ray->axis[0] + 1;
-  const D4 quotients = D4{local.direction[static_cast<int>(ray->axis[0])],
-                          local.direction[static_cast<int>(ray->axis[1])], 1, 0} /
-                       Set4(local.direction[static_cast<int>(z_axis)]);
+  const double d[3] = {local.direction.x, local.direction.y, local.direction.z};
+  const double x = std::fabs(d[0]), y = std::fabs(d[1]), z = std::fabs(d[2]);
+  const auto y_beats_x = static_cast<std::uint32_t>(y > x);
+  const auto z_beats_both = static_cast<std::uint32_t>(z > std::max(x, y));
+  constexpr std::uint32_t kNext[3] = {1, 2, 0};
+  ray->axis[2] = z_beats_both << 1 | (y_beats_x & ~z_beats_both);
+  ray->axis[0] = kNext[ray->axis[2]];
+  ray->axis[1] = kNext[ray->axis[0]];
+  const D4 quotients = D4{d[ray->axis[0]], d[ray->axis[1]], 1, 0} / Set4(d[ray->axis[2]]);
   for (int k = 0; k < 2; ++k) {
     ray->shear_double[k] = quotients[k];
     ray->shear[k] = static_cast<float>(quotients[k]);

@@ -136,9 +136,10 @@ struct DoubleRay {
   double shear[2], inverse_z;
 
   void Begin(const LocalRay& local, const CullRay& cull) {
+    const double from[3] = {local.origin.x, local.origin.y, local.origin.z};
     for (int k = 0; k < 3; ++k) {
       axis[k] = cull.axis[k];
-      origin[k] = local.origin[static_cast<int>(axis[k])];
+      origin[k] = from[axis[k]];
     }
     inverse_z = cull.inverse_z;
     shear[0] = cull.shear_double[0];
