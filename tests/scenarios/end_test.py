@@ -165,7 +165,8 @@ class EndTest(unittest.TestCase):
         with Service(KDRAYD, "--log-level", "warning") as service:
             service.ask("GET", "/v1")
             self.assertEqual(service.stop(), 0)
-            self.assertEqual(service.log(), [])
+            # A machine with few descriptors adds a warning that says so.
+            self.assertEqual({line["event"] for line in service.log()} - {"fewer_connections"}, set())
 
 
 if __name__ == "__main__":
