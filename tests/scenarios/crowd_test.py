@@ -137,7 +137,7 @@ class CrowdTest(unittest.TestCase):
             self.assertEqual([line["connections"] for line in warnings], [32])
 
     def test_S02_the_soft_limit_of_descriptors_is_raised(self):
-        with Service(KDRAYD, "--max-connections", "300", descriptors=(100, 4000)) as service:
+        with Service(KDRAYD, "--max-connections", "300", descriptors=(100, 1000)) as service:
             with SlowClients(service.port, 290, b""):
                 self.assertEqual(service.ask("GET", "/healthz")[0], 200)
                 self.assertGreater(service.process_figures()[1], 290)
