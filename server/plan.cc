@@ -1,7 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/plan.h"
 
+#include <charconv>
+#include <cstddef>
+#include <optional>
+#include <system_error>
+
 #include "api/json_text.h"
+#include "core/accel/auto_choice.h"
 #include "core/accel/build_kind.h"
 #include "core/geometry/power_of_two.h"
 #include "core/intersect/precision.h"
@@ -9,18 +15,48 @@
 namespace kdray::server {
 namespace {
 
-std::string DescribeStructure(const core::TreeRecord& record, const core::MeshFacts& mesh,
-                              core::BuildKind build) {
-  const core::BuildKindWords words = core::WordsFor(build);
+// With one digit after the point.
+std::string Tenths(double value) {
+  char text[32];
+  const auto [end, error] =
+      std::to_chars(text, text + sizeof text, value, std::chars_format::fixed, 1);
+  return error == std::errc() ? std::string(text, end) : api::NumberText(value);
+}
+
+// Why auto chose the build of a mesh that needs a tree.
+std::string DescribeChoice(const core::AutoChoice& choice, core::BuildKind build) {
+  if (!choice.costs) {
+    return "the boxes of its triangles overlap so little (a random line meets " +
+           Tenths(choice.overlap) + " of them) that kd-sah was not tried";
+  }
+  const std::string bvh = Tenths(choice.costs->bvh), kd_sah = Tenths(choice.costs->kd_sah);
+  std::string text = "a random line is expected to meet ";
+  text += build == core::BuildKind::kKdSah
+              ? kd_sah + " of its nodes and blocks of triangles, and " + bvh + " with bvh"
+              : bvh + " of its nodes and blocks of triangles, and " + kd_sah + " with kd-sah";
+  return text + "; each takes up to a third longer in kd-sah";
+}
+
+std::string DescribeStructure(const core::TreeRecord& record, const core::MeshFacts& mesh) {
+  const std::string triangles = std::to_string(mesh.triangles) + " triangles";
+  std::optional<core::BuildKind> build = record.id.build;
+  if (!build && record.tree) build = record.tree->build;
+  if (!build && core::NeedsNoTree(static_cast<std::size_t>(mesh.triangles))) {
+    build = core::BuildKind::kBox;
+  }
+  if (!build) return "Build auto means bvh or kd-sah for " + triangles + ": it is being chosen. ";
+
+  const core::BuildKindWords words = core::WordsFor(*build);
   std::string text(words.structure);
   text += " (";
   text += words.name;
   if (record.id.build) {
     text += ", as asked)";
-  } else if (build == core::BuildKind::kBox) {
-    text += "): " + std::to_string(mesh.triangles) + " triangles need no tree";
+  } else if (*build == core::BuildKind::kBox) {
+    text += "): " + triangles + " need no tree";
   } else {
-    text += "), the choice of auto for " + std::to_string(mesh.triangles) + " triangles";
+    text += "), the choice of auto for " + triangles;
+    text += record.choice ? ": " + DescribeChoice(*record.choice, *build) : " in an older version";
   }
   return text + ". ";
 }
@@ -85,9 +121,7 @@ std::string DescribeClosedness(const core::MeshHealth& health) {
 std::string DescribePlan(const core::TreeRecord& record) {
   if (!record.mesh) return "The mesh is being read.";
   const core::MeshFacts& mesh = *record.mesh;
-  const core::BuildKind build =
-      record.id.build.value_or(core::AutoBuildKind(static_cast<std::size_t>(mesh.triangles)));
-  return DescribeStructure(record, mesh, build) + DescribeVertices(mesh) + DescribePrecision(mesh) +
+  return DescribeStructure(record, mesh) + DescribeVertices(mesh) + DescribePrecision(mesh) +
          DescribeClosedness(mesh.health);
 }
 

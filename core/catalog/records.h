@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "core/accel/auto_choice.h"
 #include "core/catalog/facts.h"
 #include "core/catalog/tree_id.h"
 #include "core/tradeoff/tradeoff.h"
@@ -19,6 +20,9 @@ struct TreeRecord {
   std::uint32_t resumed = 0;      ///< starts that resumed its build and did not end it
   std::optional<MeshFacts> mesh;  ///< nullopt before it was parsed
   std::optional<TreeFacts> tree;  ///< nullopt: a build is due
+  /// Why `auto` chose tree->build. Nullopt for other ids, for a mesh that needs no tree, and in
+  /// records of older versions, which chose kd-sah for every other mesh.
+  std::optional<AutoChoice> choice;
   friend bool operator==(const TreeRecord&, const TreeRecord&) = default;
 };
 

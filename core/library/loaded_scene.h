@@ -4,7 +4,9 @@
 
 #include <atomic>
 #include <memory>
+#include <optional>
 
+#include "core/accel/auto_choice.h"
 #include "core/base/cancel.h"
 #include "core/base/progress.h"
 #include "core/catalog/parsed_mesh.h"
@@ -28,7 +30,8 @@ struct LoadedScene {
   Scene scene;
   std::shared_ptr<const ParsedMesh> parsed;
   TreeFacts tree;
-  bool was_parsed = false;  ///< not read from a stored file, so worth storing
+  std::optional<AutoChoice> choice;  ///< as TreeRecord::choice
+  bool was_parsed = false;           ///< not read from a stored file, so worth storing
   bool was_built = false;
 };
 

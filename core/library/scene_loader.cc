@@ -8,6 +8,9 @@
 #include <utility>
 #include <vector>
 
+#include "core/accel/auto_choice.h"
+#include "core/accel/expected_cost.h"
+#include "core/base/progress.h"
 #include "core/library/parse_mesh.h"
 
 namespace kdray::core {
@@ -32,12 +35,13 @@ class SceneLoader::Attempt {
   std::uint64_t needed() const { return needed_; }
 
  private:
-  // Ensures `bytes` in addition to the mesh's charge, and returns the excess of the previous step.
+  // Ensures `bytes` in addition to what mesh and trees were charged, and returns the excess of the
+  // previous step.
   // The attempt's initial charge is kept, because it was waited for.
   Status Need(std::uint64_t bytes) {
     charge_.Shrink(std::max(bytes, granted_));
     if (charge_.Grow(bytes)) return {};
-    needed_ = charged_to_mesh_ + bytes;
+    needed_ = charged_ + bytes;
     return Error{ErrorCode::kMemoryFull, "there is no memory for this now"};
   }
 
@@ -47,14 +51,14 @@ class SceneLoader::Attempt {
     if (loaded_.parsed == nullptr) {
       Result<ParsedMesh> parsed = ReadParsed();
       if (!parsed.ok()) {
-        if (needed_ != 0 || watch_->cancel.ShouldStop()) return std::move(parsed).error();
+        if (MustEnd()) return std::move(parsed).error();
         parsed = Parse();
         loaded_.was_parsed = parsed.ok();
       }
       if (!parsed.ok()) return std::move(parsed).error();
       const std::uint64_t bytes = parsed->facts.memory_bytes;
       if (Status status = Need(bytes); !status.ok()) return status;
-      charged_to_mesh_ = bytes;
+      charged_ += bytes;
       loaded_.parsed =
           loader_->cache_->InsertMesh(digest, *std::move(parsed), charge_.Split(bytes));
     }
@@ -99,30 +103,91 @@ class SceneLoader::Attempt {
     return Need(bytes);
   }
 
+  // A tree in memory.
+  struct Fetched {
+    std::shared_ptr<const Tree> tree;
+    bool was_built = false;
+    double build_ms = 0;  // if it was built
+  };
+
   Status FetchTree() {
-    const MeshFacts& mesh = loaded_.parsed->facts;
-    const BuildKind build =
-        record_.id.build.value_or(AutoBuildKind(static_cast<std::size_t>(mesh.triangles)));
-    std::shared_ptr<const Tree> tree = loader_->cache_->FindTree(record_.id.mesh, build);
-    if (tree == nullptr) {
-      Result<Tree> made = ReadTree(build);
-      if (made.ok()) {
-        ++loader_->loads_;
-      } else {
-        if (needed_ != 0 || watch_->cancel.ShouldStop()) return std::move(made).error();
-        made = Build(build);
-        loaded_.was_built = made.ok();
-      }
-      if (!made.ok()) return std::move(made).error();
-      const std::uint64_t bytes = made->most_bytes();
-      if (Status status = Need(bytes); !status.ok()) return status;
-      tree = loader_->cache_->InsertTree(record_.id.mesh, *std::move(made), charge_.Split(bytes));
-    }
-    loaded_.tree.build = build;
-    loaded_.tree.stats = tree->stats;
-    if (!loaded_.was_built && record_.tree) loaded_.tree.build_ms = record_.tree->build_ms;
-    loaded_.scene.tree = std::move(tree);
+    std::optional<BuildKind> build = record_.id.build;
+    if (!build && NeedsNoTree(loaded_.scene.mesh->triangle_count())) build = BuildKind::kBox;
+    Result<Fetched> fetched = build ? Fetch(*build, &watch_->build_progress) : FetchAuto();
+    if (!fetched.ok()) return std::move(fetched).error();
+    loaded_.was_built = fetched->was_built;
+    loaded_.tree.build = fetched->tree->build;
+    loaded_.tree.stats = fetched->tree->stats;
+    loaded_.tree.build_ms = fetched->build_ms;
+    if (!fetched->was_built && record_.tree) loaded_.tree.build_ms = record_.tree->build_ms;
+    loaded_.scene.tree = std::move(fetched->tree);
     return {};
+  }
+
+  // The tree that was chosen before, if it still exists; else chooses (auto_choice.h).
+  Result<Fetched> FetchAuto() {
+    if (record_.tree) {
+      Result<Fetched> chosen = FetchMade(record_.tree->build);
+      if (chosen.ok()) loaded_.choice = record_.choice;
+      if (chosen.ok() || MustEnd()) return chosen;
+    }
+    AutoChoice& choice = loaded_.choice.emplace();
+    Result<double> overlap = 0.0;
+    loader_->arena_->Run([&] { overlap = BoxOverlap(*loaded_.scene.mesh, watch_->cancel); });
+    if (!overlap.ok()) return std::move(overlap).error();
+    choice.overlap = *overlap;
+    if (choice.OverlapsLittle()) return Fetch(BuildKind::kBvh, &watch_->build_progress);
+
+    // The first is the quick one; progress shows the other.
+    Result<Fetched> bvh = Fetch(BuildKind::kBvh, nullptr);
+    if (!bvh.ok()) return bvh;
+    Result<Fetched> kd_sah = Fetch(BuildKind::kKdSah, &watch_->build_progress);
+    if (!kd_sah.ok()) return kd_sah;
+    const Result<double> bvh_cost = ExpectedCost(*bvh->tree, watch_->cancel);
+    const Result<double> kd_sah_cost = ExpectedCost(*kd_sah->tree, watch_->cancel);
+    if (!bvh_cost.ok()) return bvh_cost.error();
+    if (!kd_sah_cost.ok()) return kd_sah_cost.error();
+    choice.costs = {*bvh_cost, *kd_sah_cost};
+    // The other tree stays in the cache until the task ends (TreeRemover::EvictUnwanted).
+    Fetched chosen = choice.build() == BuildKind::kBvh ? *bvh : *kd_sah;
+    if (chosen.was_built) chosen.build_ms = bvh->build_ms + kd_sah->build_ms;
+    return chosen;
+  }
+
+  // Whether an error is not about the file that was read.
+  bool MustEnd() const { return needed_ != 0 || watch_->cancel.ShouldStop(); }
+
+  Result<Fetched> Fetch(BuildKind build, Progress* progress) {
+    Result<Fetched> made = FetchMade(build);
+    if (made.ok() || MustEnd()) return made;
+    double build_ms = 0;
+    Result<Tree> built = Build(build, progress, &build_ms);
+    if (!built.ok()) return std::move(built).error();
+    made = Insert(*std::move(built));
+    if (made.ok()) {
+      made->was_built = true;
+      made->build_ms = build_ms;
+    }
+    return made;
+  }
+
+  // From the cache or its file.
+  Result<Fetched> FetchMade(BuildKind build) {
+    if (auto tree = loader_->cache_->FindTree(record_.id.mesh, build)) {
+      return Fetched{.tree = std::move(tree)};
+    }
+    Result<Tree> read = ReadTree(build);
+    if (!read.ok()) return std::move(read).error();
+    ++loader_->loads_;
+    return Insert(*std::move(read));
+  }
+
+  Result<Fetched> Insert(Tree tree) {
+    const std::uint64_t bytes = tree.most_bytes();
+    if (Status status = Need(bytes); !status.ok()) return std::move(status).error();
+    charged_ += bytes;
+    return Fetched{.tree = loader_->cache_->InsertTree(record_.id.mesh, std::move(tree),
+                                                       charge_.Split(bytes))};
   }
 
   Result<Tree> ReadTree(BuildKind build) {
@@ -133,7 +198,7 @@ class SceneLoader::Attempt {
                                      watch_->cancel);
   }
 
-  Result<Tree> Build(BuildKind build) {
+  Result<Tree> Build(BuildKind build, Progress* progress, double* build_ms) {
     const TriangleMesh& mesh = *loaded_.scene.mesh;
     if (Status status = Need(EstimateBuildBytes(mesh.triangle_count(), build)); !status.ok()) {
       return std::move(status).error();
@@ -142,7 +207,7 @@ class SceneLoader::Attempt {
     const auto start = std::chrono::steady_clock::now();
     std::optional<Result<BinaryTree>> binary;
     loader_->arena_->Run([&] {
-      binary = BuildBinaryTree(mesh, build, BuildOptions{watch_->cancel, &watch_->build_progress});
+      binary = BuildBinaryTree(mesh, build, BuildOptions{watch_->cancel, progress});
     });
     if (!binary->ok()) return (*binary).error();
     if (Status status = Need(EstimateFinishBytes(**binary)); !status.ok()) {
@@ -150,7 +215,7 @@ class SceneLoader::Attempt {
     }
     std::optional<Result<Tree>> tree;
     loader_->arena_->Run([&] { tree = FinishTree(mesh, build, **binary, watch_->cancel); });
-    loaded_.tree.build_ms =
+    *build_ms =
         std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     return *std::move(tree);
   }
@@ -160,7 +225,7 @@ class SceneLoader::Attempt {
   LoadWatch* watch_;
   MemoryCharge charge_;
   const std::uint64_t granted_ = charge_.bytes();
-  std::uint64_t charged_to_mesh_ = 0;
+  std::uint64_t charged_ = 0;  // to mesh and trees
   std::uint64_t needed_ = 0;
   LoadedScene loaded_;
 };

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "core/accel/auto_choice.h"
+
 namespace kdray::core {
 namespace {
 
@@ -232,8 +234,11 @@ std::optional<std::vector<TreeId>> TreeRegistry::IdleTreesOf(const Sha256Digest&
 
 std::optional<BuildKind> TreeRegistry::BuildOf(const TreeRecord& record) {
   if (record.id.build) return record.id.build;
-  if (!record.mesh) return std::nullopt;
-  return AutoBuildKind(static_cast<std::size_t>(record.mesh->triangles));
+  if (record.tree) return record.tree->build;
+  if (record.mesh && NeedsNoTree(static_cast<std::size_t>(record.mesh->triangles))) {
+    return BuildKind::kBox;
+  }
+  return std::nullopt;
 }
 
 // Adding.

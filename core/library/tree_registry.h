@@ -230,7 +230,7 @@ class TreeRegistry {
   /// As FailForNow, for an error whose copy does not allocate.
   void GiveUp(const TreeTask& task, Error error) noexcept;
 
-  /// The build of the record's tree, if it is known already.
+  /// The build of the record's tree, if it is known already: `auto` chooses while it builds.
   static std::optional<BuildKind> BuildOf(const TreeRecord& record);
 
  private:

@@ -63,6 +63,7 @@ bool TreeRegistry::Succeed(const TreeTask& task, const LoadedScene& loaded) {
   record.resumed = 0;
   record.mesh = std::move(mesh_facts);
   record.tree = std::move(facts);
+  record.choice = loaded.choice;
   entry->failure.reset();
   EndTask(entry, loaded.scene, std::nullopt);
   return true;

@@ -16,12 +16,13 @@ namespace kdray::core {
 namespace {
 
 // Increment the version when the layout below, or the meaning of a fact, changes.
-constexpr FileKind kRecordFileKind{"kdraycat", 4, 1};
+constexpr FileKind kRecordFileKind{"kdraycat", 5, 1};
 // Readers of meshes have changed since the facts of version 1 were found.
 constexpr std::uint32_t kFirstWithTheseMeshFacts = 2;
 constexpr std::uint32_t kFirstWithMaxLeaf = 3;
 constexpr std::uint32_t kFirstWithResumes = 3;
 constexpr std::uint32_t kFirstWithSurfaceFacts = 4;
+constexpr std::uint32_t kFirstWithChoice = 5;
 
 constexpr FileKind kGroupsFileKind{"kdraygrp", 1};
 constexpr std::uint32_t kMaxGroups = 4096;
@@ -49,6 +50,28 @@ std::optional<TreeFacts> GetTreeFacts(CheckedReader* reader) {
   return facts;
 }
 
+void PutChoice(const std::optional<AutoChoice>& choice, CheckedWriter* writer) {
+  PutBool(choice.has_value(), writer);
+  if (!choice) return;
+  writer->Put(choice->overlap);
+  PutBool(choice->costs.has_value(), writer);
+  if (!choice->costs) return;
+  writer->Put(choice->costs->bvh);
+  writer->Put(choice->costs->kd_sah);
+}
+
+std::optional<AutoChoice> GetChoice(CheckedReader* reader) {
+  if (!GetBool(reader)) return std::nullopt;
+  AutoChoice choice;
+  choice.overlap = reader->Get<double>();
+  if (GetBool(reader)) {
+    choice.costs.emplace();
+    choice.costs->bvh = reader->Get<double>();
+    choice.costs->kd_sah = reader->Get<double>();
+  }
+  return choice;
+}
+
 void PutRecord(const TreeRecord& record, CheckedWriter* writer) {
   const std::string name = record.id.ToString();
   writer->PutArray(std::span(name));
@@ -62,6 +85,7 @@ void PutRecord(const TreeRecord& record, CheckedWriter* writer) {
   }
   PutBool(record.tree.has_value(), writer);
   if (record.tree) PutTreeFacts(*record.tree, writer);
+  PutChoice(record.choice, writer);
 }
 
 Result<TreeRecord> GetRecord(const TreeId& id, std::unique_ptr<ReadableFile> file) {
@@ -82,6 +106,7 @@ Result<TreeRecord> GetRecord(const TreeId& id, std::unique_ptr<ReadableFile> fil
       GetSurfaceFacts(&reader, &*record.mesh);
     }
     if (GetBool(&reader)) record.tree = GetTreeFacts(&reader);
+    if (reader.version() >= kFirstWithChoice) record.choice = GetChoice(&reader);
   }
   if (Status status = reader.Finish(); !status.ok()) return std::move(status).error();
   return record;

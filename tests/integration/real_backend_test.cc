@@ -353,7 +353,7 @@ TEST_F(RealBackend, TakesAScan) {
   const std::string id = UploadFile(file);
   const json tree = Json(running_->Ask("GET", "/v1/trees/" + id));
   EXPECT_EQ(tree.at("mesh").at("triangles"), 69451);
-  EXPECT_EQ(tree.at("tree").at("build"), "kd-sah");
+  EXPECT_EQ(tree.at("tree").at("build"), "bvh");
   const RawAnswer mesh = running_->Ask("GET", "/v1/trees/" + id + "/mesh");
   const auto bytes = test::ReadFileBytes(file);
   ASSERT_EQ(mesh.body.size(), bytes.size());

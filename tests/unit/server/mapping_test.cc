@@ -18,6 +18,7 @@ namespace {
 
 using testing::HasSubstr;
 using testing::Not;
+using testing::StartsWith;
 
 core::TreeRecord ReadyRecord() {
   core::TreeRecord record;
@@ -217,9 +218,44 @@ TEST(Plan, SaysStructureVerticesPrecisionAndWhatIsNotPromised) {
 
   record.id.build.reset();
   record.mesh->triangles = 12;
+  record.tree->build = core::BuildKind::kBox;
+  EXPECT_THAT(DescribePlan(record), HasSubstr("12 triangles need no tree"));
+  record.tree.reset();
   EXPECT_THAT(DescribePlan(record), HasSubstr("12 triangles need no tree"));
   record.mesh.reset();
   EXPECT_EQ(DescribePlan(record), "The mesh is being read.");
+}
+
+TEST(Mapping, ThePlanTellsWhatAutoChoseAndWhy) {
+  core::TreeRecord record = ReadyRecord();
+  record.id.build.reset();
+  const auto expect_start = [&](const std::string& start) {
+    EXPECT_THAT(DescribePlan(record), StartsWith(start + ". Vertices"));
+  };
+  record.choice = {12.34, core::AutoChoice::Costs{20.26, 10.04}};
+  expect_start(
+      "A kd-tree by the surface area heuristic, with clipped triangles (kd-sah), the choice of "
+      "auto for 100 triangles: a random line is expected to meet 10.0 of its nodes and blocks of "
+      "triangles, and 20.3 with bvh; each takes up to a third longer in kd-sah");
+  record.tree->build = core::BuildKind::kBvh;
+  record.choice->costs = {9.96, 11};
+  expect_start(
+      "A bounding volume hierarchy by the binned surface area heuristic (bvh), the choice of auto "
+      "for 100 triangles: a random line is expected to meet 10.0 of its nodes and blocks of "
+      "triangles, and 11.0 with kd-sah; each takes up to a third longer in kd-sah");
+  record.choice->costs.reset();
+  record.choice->overlap = 2;
+  expect_start(
+      "A bounding volume hierarchy by the binned surface area heuristic (bvh), the choice of auto "
+      "for 100 triangles: the boxes of its triangles overlap so little (a random line meets 2.0 of "
+      "them) that kd-sah was not tried");
+  record.choice.reset();
+  record.tree->build = core::BuildKind::kKdSah;
+  expect_start(
+      "A kd-tree by the surface area heuristic, with clipped triangles (kd-sah), the choice of "
+      "auto for 100 triangles in an older version");
+  record.tree.reset();
+  expect_start("Build auto means bvh or kd-sah for 100 triangles: it is being chosen");
 }
 
 TEST(Mapping, ARenderRequestKeepsItsFields) {

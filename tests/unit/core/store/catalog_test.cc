@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -57,11 +58,13 @@ TreeRecord ReadyRecord(std::string_view mesh) {
   tree.stats.sah_cost = 12.5;
   tree.build_ms = 0.25;
   record.tree = tree;
+  record.choice = {7.5, AutoChoice::Costs{12.5, 10.25}};
   return record;
 }
 
-// As older versions recorded it.
+// As versions 2 and 3 recorded it.
 TreeRecord WithoutSurfaceFacts(TreeRecord record) {
+  record.choice.reset();
   record.mesh->area.reset();
   record.mesh->volume.reset();
   record.mesh->groups.reset();
@@ -104,6 +107,39 @@ TEST_F(CatalogTest, KeepsTheNamesOfGroupsUntilTheMeshGoes) {
   EXPECT_TRUE(Load().records.empty());  // it is no record
   ASSERT_TRUE(catalog_.RemoveAllOf(mesh).ok());
   EXPECT_EQ(catalog_.ReadGroupNames(mesh).error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(CatalogTest, GivesBackWhyAutoChoseABuild) {
+  TreeRecord record = ReadyRecord("a");
+  for (const std::optional<AutoChoice>& choice :
+       {std::optional<AutoChoice>(), std::optional(AutoChoice{0.5, std::nullopt}),
+        std::optional(AutoChoice{1e300, AutoChoice::Costs{0.1, 0.3}})}) {
+    record.choice = choice;
+    ASSERT_TRUE(catalog_.Save(record).ok());
+    EXPECT_THAT(Load().records, testing::ElementsAre(record));
+  }
+}
+
+// Version 4 did not tell why.
+TEST_F(CatalogTest, ARecordOfVersion4HasNoChoice) {
+  TreeRecord record = ReadyRecord("a");
+  BlobStore blobs(&disk_, "catalog");
+  CheckedWriter writer(blobs.Create().value(), FileKind{"kdraycat", 4});
+  const std::string name = record.id.ToString();
+  writer.PutArray(std::span(name));
+  writer.Put(record.created_ms);
+  writer.Put(record.mesh_bytes);
+  writer.Put(record.resumed);
+  PutBool(true, &writer);
+  PutMeshFacts(*record.mesh, &writer);
+  PutSurfaceFacts(*record.mesh, &writer);
+  PutBool(true, &writer);
+  PutEnum(record.tree->build, &writer);
+  PutTreeStats(record.tree->stats, &writer);
+  writer.Put(record.tree->build_ms);
+  ASSERT_TRUE(std::move(writer).Finish()->Commit(name).ok());
+  record.choice.reset();
+  EXPECT_THAT(Load().records, testing::ElementsAre(record));
 }
 
 // Version 3 did not tell area, volume and groups.
@@ -211,7 +247,7 @@ TEST_F(CatalogTest, ARecordOfALaterVersionIsNotRead) {
   const TreeRecord record = PendingRecord("a", BuildKind::kBvh);
   ASSERT_TRUE(catalog_.Save(record).ok());
   std::vector<std::byte> bytes = disk_.Contents(FileOf(record)).value();
-  bytes[8] = std::byte{5};
+  bytes[8] = std::byte{6};
   const Sha256Digest digest = HashBytes(std::span<const std::byte>(bytes).first(bytes.size() - 32));
   std::memcpy(bytes.data() + bytes.size() - 32, digest.bytes.data(), 32);
   disk_.SetContents(FileOf(record), bytes);
