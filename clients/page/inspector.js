@@ -82,7 +82,7 @@ export class Inspector {
     this.shot.depth = depth;
     const cells = cellsAlong(await this.cells(tree.id, depth, signal), ray);
     if (signal.aborted) return;
-    this.panel.showCells(cells, depth, hit);
+    this.panel.showCells(cells, depth, tree.tree.build, hit);
     this.overlay.setCells(cells);
   }
 

@@ -73,13 +73,16 @@ export function showPrecisions(answers) {
 
 const errorText = (difference) => (difference === 0 ? '0' : difference.toExponential(1));
 
-/** @param cells those on the ray's way, with the intervals in which it is in them */
-export function showCells(cells, depth, hit) {
+/**
+ * @param cells those on the ray's way, with the intervals in which it is in them
+ * @param build of their tree
+ */
+export function showCells(cells, depth, build, hit) {
   const passed = cells.filter((cell) => isReached(cell, hit));
   const triangles = passed.reduce((sum, cell) => sum + cell.triangles, 0);
   byId('ray-cells').hidden = false;
   byId('ray-cells-words').textContent =
-    `At depth ${depth} the ray passes ${cellsText(passed.length)}` +
+    `At depth ${depth} of ${build} the ray passes ${cellsText(passed.length)}` +
     (hit ? ` up to its hit, of ${countText(cells.length)} on its way.` : '.') +
     ` In them are ${countText(triangles)} triangles.`;
   byId('ray-cells-strip').replaceChildren(...(cells.length > 0 ? [strip(cells, hit)] : []));

@@ -74,6 +74,10 @@ export class Settings {
     // At depth d there are at most 2^d nodes, and never more than the tree has leaves.
     const safe = tree.leaves <= maxCells ? Infinity : Math.floor(Math.log2(maxCells));
     byId('cells').max = Math.min(tree.max_depth, DEEPEST_CELLS, safe);
+    const isKdTree = tree.build.startsWith('kd-');
+    byId('cells').title = isKdTree
+      ? `Cells of build=${tree.build}`
+      : `Boxes of build=${tree.build}; build=kd-sah has the cells of a kd-tree`;
     this.adapt();
   }
 

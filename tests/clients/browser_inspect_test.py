@@ -91,7 +91,8 @@ class BrowserInspectTest(PageTest):
         self.shoot()
         self.assertIn("cells", self.text("#ray-cells-words"))
         self.change(lambda: browser.choose("#cells", "4"))
-        self.wait_text("#ray-cells-words", "At depth 4 ")
+        build = self.ask(f"/v1/trees/{self.tree}")["tree"]["build"]
+        self.wait_text("#ray-cells-words", f"At depth 4 of {build} ")
         self.assertGreater(self.count("#ray-cells-strip rect"), 1)
         drawn = browser.run("""const canvas = document.querySelector('#overlay');
             return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height)
@@ -100,6 +101,14 @@ class BrowserInspectTest(PageTest):
         browser.click("#clear-ray")
         self.assertFalse(self.is_shown("#marker"))
         self.assertNotIn("ray", self.link())
+
+    def test_the_slider_of_cells_says_whose_cells_they_are(self):
+        browser = self.open_tree()
+        browser.choose("#rebuild", "bvh")
+        browser.wait("return document.querySelector('#cells').title.startsWith('Boxes of build=bvh;')")
+        browser.choose("#rebuild", "kd-sah")
+        browser.wait("return document.querySelector('#cells').title === 'Cells of build=kd-sah'")
+        self.assertTrue(self.link()["tree"].endswith("-kd-sah"))
 
     def test_the_tree_has_statistics_and_a_histogram_of_its_leaves(self):
         browser = self.open_tree()

@@ -65,6 +65,7 @@ class Photographer(PageTest):
     def test_states(self):
         browser = self.open_page()
         shapes = ("torus.ply", "terrain.stl", "cube.obj", "sphere.ply")
+        browser.choose("#build", "kd-sah")  # whose cells the pictures show
         browser.type("#file", "\n".join([*map(self.sample, shapes), self.teapot]))
         browser.wait("return document.querySelector('#tree-name').textContent === 'teapot.ply'")
         browser.wait(SETTLED)
