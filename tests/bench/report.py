@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Turns the benchmarks' results into tables and plots.
 
-  report.py tradeoff|images|mismatches|latency|hits|pictures CSV COMMAND
+  report.py tradeoff|images|mismatches|latency|hits|pictures|auto CSV COMMAND
   report.py trace|build|points|http FOLDER COMMAND
 
 Writes the section of that name in tests/bench/README.md, between its two marks, and the plots into
@@ -13,6 +13,7 @@ import sys
 from collections import defaultdict
 from statistics import median
 
+from report_auto import auto
 from report_common import BUILDS, BUILD_COLORS, COLORS, LARGE, PRECISIONS, conditions, geometric_mean, plt, rate, save, table, write_section
 from report_requests import hits, http, latency, pictures, points
 
@@ -322,6 +323,6 @@ if __name__ == "__main__":
         of_folders[what](path, said)
         sys.exit()
     of_rows = {"tradeoff": tradeoff, "images": images, "mismatches": mismatches, "latency": latency, "hits": hits,
-               "pictures": pictures}
+               "pictures": pictures, "auto": auto}
     with open(path, newline="") as source:
         of_rows[what](list(csv.DictReader(source)), said)
