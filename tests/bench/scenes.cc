@@ -137,6 +137,16 @@ BenchMesh LoadBenchMesh(const std::string& name) {
   return {name, *std::move(data), view};
 }
 
+BenchView ViewOf(const core::TriangleMesh& mesh, const BenchMesh& bench) {
+  if (bench.view) return *bench.view;
+  const Bounds3d bounds = mesh.bounds();
+  const double size = core::Length(bounds.Extent());
+  return {bounds.Center() + core::Normalized(Vec3d{0.3, 0.35, 1}) * (1.1 * size),
+          bounds.Center(),
+          {0, 1, 0},
+          bounds.Center() + Vec3d{0.6, 0.9, 0.7} * size};
+}
+
 std::vector<BenchRays> MakeRayClasses(const core::TriangleMesh& mesh, const BenchMesh& bench,
                                       int side) {
   const MeshData& data = bench.data;
@@ -148,12 +158,7 @@ std::vector<BenchRays> MakeRayClasses(const core::TriangleMesh& mesh, const Benc
   const double size = core::Length(bounds.Extent());
   const float kInf = std::numeric_limits<float>::infinity();
 
-  // The usual camera looks from the front, a little from above, and sees the whole mesh.
-  const BenchView view = bench.view.value_or(
-      BenchView{bounds.Center() + core::Normalized(Vec3d{0.3, 0.35, 1}) * (1.1 * size),
-                bounds.Center(),
-                {0, 1, 0},
-                bounds.Center() + Vec3d{0.6, 0.9, 0.7} * size});
+  const BenchView view = ViewOf(mesh, bench);
   const Vec3d eye = view.eye;
   const Vec3d forward = core::Normalized(view.target - eye);
   const Vec3d right = core::Normalized(core::Cross(forward, view.up));

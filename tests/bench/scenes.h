@@ -40,6 +40,10 @@ BenchMesh LoadBenchMesh(const std::string& name);
 /// bits of sin.
 core::MeshData FoldedSphere(int frequency);
 
+/// That of the mesh; without one, the usual camera looks from the front, a little from above, and
+/// sees the whole mesh. `mesh` is made of `bench`.
+BenchView ViewOf(const core::TriangleMesh& mesh, const BenchMesh& bench);
+
 /// Rays of one class, single precision.
 struct BenchRays {
   std::string name;
