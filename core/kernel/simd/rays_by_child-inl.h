@@ -30,10 +30,16 @@ class RaysByChild {
                                     std::uint64_t* rays) const;
 
  private:
+#if !defined(KDRAY_ISA_AVX512)
+  KDRAY_INLINE void Collect(std::uint64_t (&met)[WideNode::kWidth]) const;
+#endif
 #if defined(KDRAY_ISA_AVX512)
   // By child. In a register: the children of a ray are a mask of lanes, and no vector is loaded
   // just after its bytes were stored, which is slow.
   __m512i rays_;
+#elif defined(KDRAY_ISA_AVX2)
+  std::uint64_t rays_[WideNode::kWidth] = {};  // by child, of AddGroup()
+  __m256i alone_[2];                           // the same of AddRay()
 #else
   std::uint64_t rays_[WideNode::kWidth] = {};  // by child, of AddGroup()
   std::uint64_t alone_ = 0;                    // the rays of AddRay()
@@ -79,12 +85,40 @@ KDRAY_INLINE std::size_t RaysByChild::StoreMet(const WideNode& node, unsigned oc
 
 #else
 
+#if defined(KDRAY_ISA_AVX2)
+
+KDRAY_INLINE RaysByChild::RaysByChild() : alone_{_mm256_setzero_si256(), _mm256_setzero_si256()} {}
+
+KDRAY_INLINE void RaysByChild::AddRay(std::size_t k, M8 children) {
+  const __m256i bit = _mm256_set1_epi64x(static_cast<long long>(std::uint64_t{1} << k));
+  const auto add = [&](__m128i four, __m256i* to) KDRAY_LAMBDA {
+    *to = _mm256_or_si256(*to, _mm256_and_si256(_mm256_cvtepi32_epi64(four), bit));
+  };
+  add(_mm256_castsi256_si128(__m256i(children.lanes)), &alone_[0]);
+  add(_mm256_extracti128_si256(__m256i(children.lanes), 1), &alone_[1]);
+}
+
+KDRAY_INLINE void RaysByChild::Collect(std::uint64_t (&met)[WideNode::kWidth]) const {
+  __builtin_memcpy(met, alone_, sizeof(met));
+  for (std::size_t c = 0; c < WideNode::kWidth; ++c) met[c] |= rays_[c];
+}
+
+#else
+
 KDRAY_INLINE RaysByChild::RaysByChild() {}
 
 KDRAY_INLINE void RaysByChild::AddRay(std::size_t k, M8 children) {
   met_[k] = static_cast<std::uint8_t>(Bits(children));
   alone_ |= std::uint64_t{1} << k;
 }
+
+KDRAY_INLINE void RaysByChild::Collect(std::uint64_t (&met)[WideNode::kWidth]) const {
+  for (unsigned c = 0; c < WideNode::kWidth; ++c) {
+    met[c] = rays_[c] | (alone_ != 0 ? BitOfBytes(met_, c) & alone_ : 0);
+  }
+}
+
+#endif
 
 template <class Meet>
 KDRAY_INLINE void RaysByChild::AddGroup(std::size_t first, unsigned group, const Meet& meet) {
@@ -96,9 +130,7 @@ KDRAY_INLINE void RaysByChild::AddGroup(std::size_t first, unsigned group, const
 KDRAY_INLINE std::size_t RaysByChild::StoreMet(const WideNode& node, unsigned octant,
                                                std::uint32_t* child, std::uint64_t* rays) const {
   std::uint64_t met[WideNode::kWidth];
-  for (unsigned c = 0; c < WideNode::kWidth; ++c) {
-    met[c] = rays_[c] | (alone_ != 0 ? BitOfBytes(met_, c) & alone_ : 0);
-  }
+  Collect(met);
   std::uint32_t order = node.order[octant];
   std::size_t size = 0;
   for (std::size_t i = 0; i < WideNode::kWidth; ++i, order >>= 4) {

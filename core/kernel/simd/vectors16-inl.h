@@ -158,6 +158,20 @@ KDRAY_INLINE F16 LookUp64(const float* from, const std::uint32_t* index) {
   }
   return v;
 }
+#if defined(KDRAY_ISA_AVX2)
+KDRAY_INLINE float Smallest(F16 v) {
+  const __m256 eight = __m256(Min(v.low, v.high));
+  const __m128 four = _mm_min_ps(_mm256_castps256_ps128(eight), _mm256_extractf128_ps(eight, 1));
+  const __m128 two = _mm_min_ps(four, _mm_movehl_ps(four, four));
+  return _mm_cvtss_f32(_mm_min_ss(two, _mm_movehdup_ps(two)));
+}
+KDRAY_INLINE float Largest(F16 v) {
+  const __m256 eight = __m256(Max(v.low, v.high));
+  const __m128 four = _mm_max_ps(_mm256_castps256_ps128(eight), _mm256_extractf128_ps(eight, 1));
+  const __m128 two = _mm_max_ps(four, _mm_movehl_ps(four, four));
+  return _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)));
+}
+#else
 KDRAY_INLINE float Smallest(F16 v) {
   const F8 m = Min(v.low, v.high);
   float smallest = m[0];
@@ -170,6 +184,8 @@ KDRAY_INLINE float Largest(F16 v) {
   for (int k = 1; k < 8; ++k) largest = m[k] > largest ? m[k] : largest;
   return largest;
 }
+
+#endif
 
 #endif
 
