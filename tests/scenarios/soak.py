@@ -180,17 +180,31 @@ class Soak:
         while self.working and time.monotonic() < deadline:
             time.sleep(0.01)
         self.service.faults.set()
+        self.delete_lost_trees()
         time.sleep(1)  # real time: connections that were left linger for a moment
         self.quiet.append((time.monotonic() - self.start, *self.service.process_figures()))
         with self.may_work:
             self.paused = False
             self.may_work.notify_all()
 
+    def delete_lost_trees(self):
+        """Trees whose uploads or deletions were cut: no worker knows them, and they would add up."""
+        known = {self.service.tree.rpartition("/")[2]}.union(*(worker.mine for worker in self.workers))
+        trees, page = [], "/v1/trees?limit=1000"
+        while page:
+            listed = json.loads(self.service.ask("GET", page)[1])
+            trees += [tree["id"] for tree in listed["trees"]]
+            page = listed["next"] and f"/v1/trees?limit=1000&after={listed['next']}"
+        for tree in trees:
+            if tree not in known:
+                self.service.ask("DELETE", "/v1/trees/" + tree)
+                self.count("deleted trees that were lost")
+
     def run(self):
         self.prepare()
         self.start = time.monotonic()
-        workers = [Worker(self, number, self.seed) for number in range(WORKERS)]
-        for worker in workers:
+        self.workers = [Worker(self, number, self.seed) for number in range(WORKERS)]
+        for worker in self.workers:
             worker.start()
         samples, next_pause = [], PAUSE_EVERY_S
         while (now := time.monotonic() - self.start) < self.minutes * 60 and self.service.process.poll() is None:
@@ -202,7 +216,7 @@ class Soak:
         if self.service.process.poll() is None:
             self.pause()
         self.ended.set()
-        for worker in workers:
+        for worker in self.workers:
             worker.join(30)
         code = self.service.stop() if self.service.process.poll() is None else self.service.process.returncode
         if code != 0:
