@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/library/parse_mesh.h"
+#include "core/store/try_to_remove.h"
 
 namespace kdray::core {
 namespace {
@@ -158,15 +159,15 @@ Result<MeshIntake::Added> MeshIntake::Place(const TreeId& id, MeshUpload upload,
     if (!is_stored && !room) continue;  // deleted meanwhile
     Result<MemoryCharge> admission = Admit(id, bytes);
     if (!admission.ok()) return std::move(admission).error();
-    if (!is_stored) {
-      Status status = parts_.store->Commit(id.mesh, std::move(upload.file_), *std::move(room));
-      if (!status.ok()) {
-        (void)parts_.remover->RemoveMeshIfUnused(id.mesh);
-        return std::move(status).error();
-      }
-      parts_.registry->NoteMeshStored(id.mesh, bytes);
-    }
     try {
+      if (!is_stored) {
+        Status status = parts_.store->Commit(id.mesh, std::move(upload.file_), *std::move(room));
+        if (!status.ok()) {
+          parts_.remover->TryRemoveMeshIfUnused(id.mesh);
+          return std::move(status).error();
+        }
+        parts_.registry->NoteMeshStored(id.mesh, bytes);
+      }
       return Add(id, bytes, shared, *std::move(admission));
     } catch (...) {
       parts_.remover->TryRemoveMeshIfUnused(id.mesh);
@@ -237,10 +238,7 @@ Result<MeshIntake::Added> MeshIntake::Add(const TreeId& id, std::uint64_t mesh_b
 // After a record could not be written. Files that remain because of the disk, or for lack of
 // memory, were not acknowledged; the next start finds them.
 void MeshIntake::GiveUpAdding(const TreeId& id) noexcept {
-  try {
-    (void)parts_.store->RemoveRecord(id);
-  } catch (...) {
-  }
+  TryToRemove([&] { (void)parts_.store->RemoveRecord(id); });
   parts_.remover->TryRemoveMeshIfUnused(id.mesh);
 }
 

@@ -4,6 +4,8 @@
 #include <new>
 #include <utility>
 
+#include "core/store/try_to_remove.h"
+
 namespace kdray::core {
 namespace {
 
@@ -91,16 +93,20 @@ void TreeBuilder::Store(const TreeRecord& before, const LoadedScene& loaded) {
 
 void TreeBuilder::StoreHere(const TreeRecord& before, const LoadedScene& loaded) {
   const TreeId& id = before.id;
-  parts_.loader->Store(id, loaded, CancelToken::When([this, &id, build = loaded.tree.build] {
-                         return !parts_.registry->MayStore(id.mesh, build);
-                       }));
+  try {
+    parts_.loader->Store(id, loaded, CancelToken::When([this, &id, build = loaded.tree.build] {
+                           return !parts_.registry->MayStore(id.mesh, build);
+                         }));
+  } catch (const std::bad_alloc&) {
+    // Derived files are made again when needed; what was written may have to go.
+  }
   const std::lock_guard files_lock(parts_.mesh_locks->Of(id.mesh));
   const TreeRegistry::Wanted wanted = parts_.registry->WantedOf(id.mesh);
   // Its tree was removed while the files were written, so they are removed too.
   if (!wanted.mesh) {
-    (void)parts_.remover->RemoveMeshIfUnused(id.mesh);
+    parts_.remover->TryRemoveMeshIfUnused(id.mesh);
   } else if (!wanted.Has(loaded.tree.build)) {
-    parts_.store->RemoveTree(id.mesh, loaded.tree.build);
+    TryToRemove([&] { parts_.store->RemoveTree(id.mesh, loaded.tree.build); });
   }
   // If the record cannot be written, the stored one says that a build is due; the tree's file will
   // be read instead.

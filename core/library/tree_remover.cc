@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include "core/store/try_to_remove.h"
+
 namespace kdray::core {
 
 Status TreeRemover::Remove(const TreeId& id, Error error) {
@@ -30,14 +32,10 @@ void TreeRemover::RemoveTree(const TreeId& id, Error error) noexcept {
   } else if (removed->build) {
     cache_->EraseTree(id.mesh, *removed->build);
   }
-  try {
-    if (removed->mesh_too) {
-      (void)RemoveMeshIfUnused(id.mesh);
-    } else if (removed->build) {
-      store_->RemoveTree(id.mesh, *removed->build);
-    }
-  } catch (...) {
-    // No memory for the names of the files: they stay, as after a failure of the disk.
+  if (removed->mesh_too) {
+    TryRemoveMeshIfUnused(id.mesh);
+  } else if (removed->build) {
+    TryToRemove([&] { store_->RemoveTree(id.mesh, *removed->build); });
   }
 }
 
@@ -53,11 +51,7 @@ Status TreeRemover::RemoveMeshIfUnused(const Sha256Digest& mesh) {
 }
 
 void TreeRemover::TryRemoveMeshIfUnused(const Sha256Digest& mesh) noexcept {
-  try {
-    (void)RemoveMeshIfUnused(mesh);
-  } catch (...) {
-    // No memory for the names of the files.
-  }
+  TryToRemove([&] { (void)RemoveMeshIfUnused(mesh); });
 }
 
 void TreeRemover::EvictUnwanted(const Sha256Digest& mesh) noexcept {

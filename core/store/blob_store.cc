@@ -7,6 +7,8 @@
 #include <chrono>
 #include <utility>
 
+#include "core/store/try_to_remove.h"
+
 namespace kdray::core {
 namespace {
 
@@ -51,11 +53,8 @@ NewBlob::NewBlob(NewBlob&& other) noexcept
 
 NewBlob::~NewBlob() {
   if (temporary_.empty()) return;
-  try {
-    // A failure leaves a file that the next Open sweeps.
-    (void)file_system_->Remove(temporary_);
-  } catch (...) {
-  }
+  // A failure leaves a file that the next Open sweeps.
+  TryToRemove([&] { (void)file_system_->Remove(temporary_); });
 }
 
 Status NewBlob::Append(std::span<const std::byte> bytes) {

@@ -71,11 +71,22 @@ Result<std::unique_ptr<SceneStore>> SceneStore::Open(const Options& options) {
   return store;
 }
 
+// Without memory for its name the file stays, and counts as before.
+void SceneStore::RemoveDerived(FileGroup group, const std::string& name) {
+  DiskUsage::Note note(name, usage_.BytesOf(group, name));
+  if (!usage_.Drop(group, name)) return;
+  try {
+    (void)Blobs(group).Remove(name);
+  } catch (...) {
+    usage_.Set(group, std::move(note));
+    throw;
+  }
+}
+
 bool SceneStore::RemoveOldestDerived() {
   for (const FileGroup group : {FileGroup::kTrees, FileGroup::kParsed, FileGroup::kMeasured}) {
     if (const std::optional<std::string> name = usage_.Oldest(group)) {
-      usage_.Drop(group, *name);
-      (void)Blobs(group).Remove(*name);
+      RemoveDerived(group, *name);
       return true;
     }
   }
@@ -201,7 +212,7 @@ Result<std::vector<std::byte>> SceneStore::ReadMesh(const Sha256Digest& mesh,
 
 Status SceneStore::RemoveMesh(const Sha256Digest& mesh) {
   const std::string name = mesh.ToHex();
-  if (usage_.Drop(FileGroup::kParsed, name)) (void)Blobs(FileGroup::kParsed).Remove(name);
+  RemoveDerived(FileGroup::kParsed, name);
   for (const BuildKind build : kAllBuildKinds) RemoveTree(mesh, build);
   (void)RemoveTradeoff(mesh);
   Status status = Blobs(FileGroup::kMeshes).Remove(name);
@@ -277,7 +288,13 @@ void SceneStore::WriteDerived(FileGroup group, const std::string& name,
   Result<NewBlob> written = write(*std::move(blob));
   if (!written.ok()) return;
   DiskUsage::Note note(name, written->bytes());
-  if (written->Commit(name).ok()) usage_.Set(group, std::move(note));
+  try {
+    if (!written->Commit(name).ok()) return;
+  } catch (...) {
+    usage_.Set(group, std::move(note));  // it may have its name already
+    throw;
+  }
+  usage_.Set(group, std::move(note));
 }
 
 void SceneStore::WriteParsed(const Sha256Digest& mesh, const ParsedMesh& parsed,
@@ -339,8 +356,7 @@ Status SceneStore::StoreTree(const Sha256Digest& mesh, BuildKind build, std::uin
 }
 
 void SceneStore::RemoveTree(const Sha256Digest& mesh, BuildKind build) {
-  const std::string name = TreeFileName(mesh, build);
-  if (usage_.Drop(FileGroup::kTrees, name)) (void)Blobs(FileGroup::kTrees).Remove(name);
+  RemoveDerived(FileGroup::kTrees, TreeFileName(mesh, build));
 }
 
 }  // namespace kdray::core

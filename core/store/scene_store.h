@@ -211,6 +211,7 @@ class SceneStore {
   void TakeStock(const RecordedMeshes& recorded, Files files);
   std::optional<std::string> WhyUnreadable(const Sha256Digest& mesh, std::uint64_t bytes) const;
 
+  void RemoveDerived(FileGroup group, const std::string& name);
   bool RemoveOldestDerived();
   template <class Write>
   void WriteDerived(FileGroup group, const std::string& name, std::uint64_t bytes_expected,

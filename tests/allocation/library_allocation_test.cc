@@ -121,6 +121,28 @@ class LibraryAllocationTest : public testing::Test {
     } catch (const std::bad_alloc&) {
     }
   }
+  /// The names of files of a mesh in the data directory.
+  std::vector<std::string> FilesOf(const Sha256Digest& mesh) const {
+    std::vector<std::string> names;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(options_.data_dir)) {
+      const std::string name = entry.path().filename();
+      if (name.starts_with(mesh.ToHex())) names.push_back(entry.path());
+    }
+    return names;
+  }
+  /// A worker may still write a file of a tree that was removed; it removes it itself.
+  void ExpectNoFilesIfGone(const TreeId& id) {
+    spared = true;
+    if (!library_->Find(id).ok()) {
+      const auto end = steady_clock::now() + std::chrono::seconds(5);
+      std::vector<std::string> names;
+      while (!(names = FilesOf(id.mesh)).empty() && steady_clock::now() < end) {
+        std::this_thread::sleep_for(milliseconds(1));
+      }
+      EXPECT_EQ(names, std::vector<std::string>());
+    }
+    spared = false;
+  }
   static TradeoffOptions Quick() {
     TradeoffOptions options;
     options.rays = 8;
@@ -263,6 +285,33 @@ TEST_F(LibraryAllocationTest, Questions) {
 TEST_F(LibraryAllocationTest, ADeletion) {
   Sweep(
       "delete", [] {}, [&] { (void)library_->Delete(first_); });
+}
+
+TEST_F(LibraryAllocationTest, ADeletionLeavesNoFiles) {
+  Sweep(
+      "delete and look", [] {},
+      [&] {
+        try {
+          (void)library_->Delete(first_);
+        } catch (const std::bad_alloc&) {
+        }
+        ExpectNoFilesIfGone(first_);
+      });
+}
+
+TEST_F(LibraryAllocationTest, AnUploadThatFailsLeavesNoFiles) {
+  const auto bytes = Tetrahedron(2);
+  const TreeId id{HashBytes(bytes), std::nullopt};
+  Sweep(
+      "upload and look", [] {},
+      [&] {
+        try {
+          (void)Upload(bytes);
+        } catch (const std::bad_alloc&) {
+        }
+        ExpectNoFilesIfGone(id);
+        WaitUntilIdle(id);
+      });
 }
 
 TEST_F(LibraryAllocationTest, Measuring) {
