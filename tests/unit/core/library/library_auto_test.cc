@@ -82,9 +82,11 @@ TEST_F(LibraryAutoTest, NamedBuildsAndMeshesWithoutATreeHaveNoChoice) {
 
 TEST_F(LibraryAutoTest, TheTreeThatWasNotTakenIsNotKept) {
   const TreeId id = Add(Needles());
-  const core::Scene scene = library_->Load(id, Soon()).value();
-  const std::uint64_t kept = scene.mesh->bytes() + scene.tree->most_bytes();
-  EXPECT_TRUE(WaitUntil([&] { return library_->counters().memory_bytes == kept; }));
+  {
+    const core::Scene scene = library_->Load(id, Soon()).value();
+    const std::uint64_t kept = scene.mesh->bytes() + scene.tree->most_bytes();
+    EXPECT_TRUE(WaitUntil([&] { return library_->counters().memory_bytes == kept; }));
+  }  // a scene may not outlive its library, which Settle() opens again
   Settle();
   EXPECT_EQ(FilesIn("trees"), 1u);
 }
