@@ -89,7 +89,7 @@ class BrowserInspectTest(PageTest):
     def test_the_cells_that_a_ray_passes_follow_the_depth_of_the_picture(self):
         browser = self.open_tree()
         self.shoot()
-        self.assertIn("cells", self.text("#ray-cells-words"))
+        self.assertIn(" cell", self.text("#ray-cells-words"))
         self.change(lambda: browser.choose("#cells", "4"))
         build = self.ask(f"/v1/trees/{self.tree}")["tree"]["build"]
         self.wait_text("#ray-cells-words", f"At depth 4 of {build} ")
