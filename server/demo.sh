@@ -51,9 +51,10 @@ step "A batch: 100,000 random rays as .npy, hits as .npy"
 try sample-rays --tree "$id" -n 100000 -o rays.npy
 try rays "$id" rays.npy -o hits.npy
 
-step "A picture, and one with the boxes of the kd-tree"
+step "A picture, and one with the boxes of a kd-tree"
 try render "$id" -o teapot.png
-try render "$id" --cells-depth 8 -o teapot-cells.png
+try upload teapot.obj --build kd-sah
+try render "${id%-auto}-kd-sah" --cells-depth 8 -o teapot-cells.png
 
 step "The daemon stops when it is told to"
 kill "$daemon"
