@@ -106,7 +106,7 @@ class Load:
         time.sleep(0.02)
 
     def _look(self, at, step):
-        """Lists, and asks for trees of the other replica and for one that nobody has."""
+        """Lists, and asks for trees of the other replica and for one that no replica has."""
         with self._lock:
             others = list(self.there)
         phase = self.phase

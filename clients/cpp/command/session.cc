@@ -20,7 +20,7 @@ bool IsFile(const std::string& text) {
   return text == "-" || std::filesystem::exists(text, ignored);
 }
 
-/// Throws UsageError for a text that cannot be an id, where a file was possible too.
+/// The text of an argument `ID|FILE` that is no file. UsageError if it does not look like an id.
 const std::string& CheckedId(const std::string& text) {
   if (LooksLikeTreeId(text)) return text;
   throw UsageError("'" + text + "' is neither a file here nor a tree id");
