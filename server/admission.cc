@@ -11,8 +11,9 @@ using api::ErrorCode;
 using api::Problem;
 using Clock = std::chrono::steady_clock;
 
-/// Poll interval of waiters: a client's departure sets a flag without notification.
-constexpr std::chrono::milliseconds kLook{50};
+/// Poll interval of waiters: a client's departure sets a flag without notification. A full queue
+/// polls some hundred times a second, and each poll takes a processor from the work.
+constexpr std::chrono::milliseconds kLook{150};
 
 Problem StoppedWaiting(const core::CancelToken& cancel) {
   if (cancel.Reason() == core::ErrorCode::kCancelled) {

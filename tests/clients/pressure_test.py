@@ -6,6 +6,7 @@ is answered at full strictness, and times with slack. tests/pressure runs the lo
 that runs nothing else: the daemon on one processor, its clients on another.
 """
 import collections
+import itertools
 import json
 import os
 import re
@@ -147,13 +148,16 @@ class PressureTest(unittest.TestCase):
         service = self.start("--threads", "1", "--memory-limit", "256MiB")
         body = npy(rays(20_000))
         request = head("POST", service.tree + "/rays/closest", len(body)) + body
-        seconds = 60 if LONG else 3
-        peak = closed_loop(service.port, request, 4, 10 if LONG else 2)
-        good, refused, cut = open_loop(service.port, request, 4 * peak, seconds)
-        # The speed of a machine changes in a minute, so the peak is that before and after the load.
-        while service.metric("kdray_queued_requests") + service.metric("kdray_running_requests") > 0:
-            time.sleep(0.01)
-        peak = (peak + closed_loop(service.port, request, 4, 10 if LONG else 2)) / 2
+        # The speed of a machine changes within seconds, so the load comes in rounds, each between two peaks.
+        rounds, seconds, peak_seconds = (6, 10, 5) if LONG else (1, 3, 2)
+        peaks, good, refused, cut = [closed_loop(service.port, request, 4, peak_seconds)], 0, [], 0
+        for _ in range(rounds):
+            good_now, refused_now, cut_now = open_loop(service.port, request, 4 * peaks[-1], seconds)
+            good, refused, cut = good + good_now / rounds, refused + refused_now, cut + cut_now
+            while service.metric("kdray_queued_requests") + service.metric("kdray_running_requests") > 0:
+                time.sleep(0.01)
+            peaks.append(closed_loop(service.port, request, 4, peak_seconds))
+        peak = np.mean([(before + after) / 2 for before, after in itertools.pairwise(peaks)])
         p50, p99 = np.percentile(refused, [50, 99]) * 1e3 if refused else (0, 0)
         print(f"  peak {peak:.0f}/s, goodput {good / peak:.3f} of it; {len(refused)} refused, p50 {p50:.1f} ms, "
               f"p99 {p99:.1f} ms; {cut} cut", file=sys.stderr)
