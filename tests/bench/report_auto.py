@@ -68,7 +68,7 @@ geometric mean of six classes of rays.
 `auto` took kd-sah for {sum(row['pick'] == 'kd-sah' for row in large)} of them and bvh for {sum(row['pick'] == 'bvh' for row in large)}; for {len(compared)} it built both.
 Rays were {to('kd-sah'):.2f} times as fast as in kd-sah, {to('bvh'):.2f} times as fast as in bvh, and {best:.3f} times as fast as in the better one of
 each mesh (geometric means). kd-sah was {kd_to_bvh:.2f} times as fast as bvh. The build took {time:.2f} times as long as that of kd-sah, and
-{time_compared:.2f} times where both were built. The choice lost more than {CLOSE:.0%} of the speed on {len(wrong)} meshes, and more than {CLOSE:.0%} of the
+{time_compared:.2f} times where both were built. The choice lost more than {CLOSE:.0%} of the speed on {len(wrong)} mesh{'' if len(wrong) == 1 else 'es'}, and more than {CLOSE:.0%} of the
 expected time on {len(costs)}.
 
 {table(['largest losses', 'triangles', 'overlap', 'choice', 'both built', 'expected cost: bvh', 'kd-sah', 'speed of bvh to kd-sah', 'loss'],
