@@ -10,9 +10,4 @@ std::optional<BuildKind> ParseBuildKind(std::string_view name) {
   return std::nullopt;
 }
 
-BuildKind AutoBuildKind(std::size_t triangle_count) {
-  constexpr std::size_t kBoxTriangles = 12;
-  return triangle_count <= kBoxTriangles ? BuildKind::kBox : BuildKind::kKdSah;
-}
-
 }  // namespace kdray::core

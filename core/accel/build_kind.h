@@ -2,7 +2,6 @@
 // The structures that a caller can choose.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string_view>
@@ -48,8 +47,5 @@ constexpr BuildKindWords WordsFor(BuildKind kind) {
 constexpr std::string_view Name(BuildKind kind) { return WordsFor(kind).name; }
 inline constexpr auto kAllBuildKinds = kAll<BuildKind>;
 std::optional<BuildKind> ParseBuildKind(std::string_view name);
-
-/// The build of `auto`: a mesh of 12 triangles or fewer needs no tree.
-BuildKind AutoBuildKind(std::size_t triangle_count);
 
 }  // namespace kdray::core

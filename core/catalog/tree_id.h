@@ -15,7 +15,7 @@ namespace kdray::core {
 /// Written as 64 lower-case hexadecimal digits, "-", and "auto" or Name(build).
 struct TreeId {
   Sha256Digest mesh;               ///< of the mesh file's bytes
-  std::optional<BuildKind> build;  ///< nullopt: `auto` (AutoBuildKind)
+  std::optional<BuildKind> build;  ///< nullopt: `auto` (accel/auto_choice.h)
 
   std::string ToString() const;
   friend bool operator==(const TreeId&, const TreeId&) = default;

@@ -2,6 +2,7 @@
 // Meshes, their attributes and trees in memory; the least recently used are evicted first.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <list>
 #include <map>
