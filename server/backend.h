@@ -60,6 +60,9 @@ class LoadedTree {
  public:
   virtual ~LoadedTree() = default;
 
+  /// Memory that stays in use as long as this object lives.
+  virtual std::uint64_t bytes() const = 0;
+
   // Ray queries. `sink` gets the rows, in order and in blocks; the report has the rest of the
   // answer. The problem may be the sink's.
   virtual api::Outcome<api::BatchReport> Closest(const api::RayTable& rays,

@@ -46,6 +46,8 @@ class CoreLoadedTree final : public LoadedTree {
                  core::Scene scene)
       : runner_(*runner), library_(*library), id_(id), scene_(std::move(scene)) {}
 
+  std::uint64_t bytes() const override { return scene_.mesh->bytes() + scene_.tree->most_bytes(); }
+
   api::Outcome<api::BatchReport> Closest(const api::RayTable& rays, const api::RayOptions& options,
                                          const CancelToken& cancel,
                                          api::RowSink<api::ClosestRows>* sink) const override {

@@ -11,22 +11,24 @@ namespace kdray::server {
 
 using api::Problem;
 
-api::Outcome<RequestMemory::Share> RequestMemory::Take(std::uint64_t bytes, api::ErrorCode never) {
-  if (auto problem = Charge(bytes, bytes, never)) return *std::move(problem);
-  return Share(this, bytes);
+api::Outcome<RequestMemory::Share> RequestMemory::Take(std::uint64_t bytes, api::ErrorCode never,
+                                                       std::uint64_t lender_bytes) {
+  if (auto problem = Charge(bytes, bytes, never, lender_bytes)) return *std::move(problem);
+  return Share(this, bytes, lender_bytes);
 }
 
 api::Check RequestMemory::Share::Grow(std::uint64_t bytes, api::ErrorCode never) {
-  if (auto problem = memory_->Charge(bytes, bytes_ + bytes, never)) return problem;
+  if (auto problem = memory_->Charge(bytes, bytes_ + bytes, never, lender_bytes_)) return problem;
   bytes_ += bytes;
   return std::nullopt;
 }
 
 // `bytes` more for a request that will hold `total`.
-api::Check RequestMemory::Charge(std::uint64_t bytes, std::uint64_t total, api::ErrorCode never) {
+api::Check RequestMemory::Charge(std::uint64_t bytes, std::uint64_t total, api::ErrorCode never,
+                                 std::uint64_t lender_bytes) {
   const std::uint64_t left_to_others = IsSmall(total) ? 0 : own_ / 8;
-  const std::uint64_t most = MostBytes() - left_to_others;
-  if (total > most) return NeverFits(total, most, never);
+  const std::uint64_t most = MostBytes(lender_bytes) - left_to_others;
+  if (total > most) return NeverFits(total, most, never, lender_bytes);
   std::unique_lock lock(mutex_);
   const auto needed = [&] { return used_ + bytes + left_to_others; };
   const auto fits = [&] { return needed() <= own_ + borrowed_.bytes(); };
@@ -49,6 +51,7 @@ bool RequestMemory::Borrow(std::uint64_t needed, std::unique_lock<std::mutex>* l
   // Without the lock: the lender may evict trees.
   lock->unlock();
   std::optional<core::MemoryCharge> more = lender_->TryReserve(wanted);
+  if (!more) more = lender_->TryReserve(needed - present);
   lock->lock();
   if (!more) return false;
   borrowed_.Add(*std::move(more));
@@ -87,14 +90,18 @@ Problem RequestMemory::FullLocked(std::uint64_t bytes) const {
                  .actual = static_cast<double>(used_) + static_cast<double>(bytes)};
 }
 
-Problem RequestMemory::NeverFits(std::uint64_t bytes, std::uint64_t most,
-                                 api::ErrorCode code) const {
-  return Problem{.code = code,
-                 .detail = "this request needs " + std::to_string(bytes) +
-                           " bytes of memory at once; under this server's --memory-limit at most " +
-                           std::to_string(most) + " are possible",
-                 .limit = static_cast<double>(most),
-                 .actual = static_cast<double>(bytes)};
+Problem RequestMemory::NeverFits(std::uint64_t bytes, std::uint64_t most, api::ErrorCode code,
+                                 std::uint64_t lender_bytes) const {
+  const bool is_beside_tree = MostBytes(lender_bytes) < MostBytes();
+  return Problem{
+      .code = code,
+      .detail =
+          "this request needs " + std::to_string(bytes) +
+          " bytes of memory at once; under this server's --memory-limit at most " +
+          std::to_string(most) + " are possible" +
+          (is_beside_tree ? " beside the tree, which takes " + std::to_string(lender_bytes) : ""),
+      .limit = static_cast<double>(most),
+      .actual = static_cast<double>(bytes)};
 }
 
 void RequestMemory::Return(std::uint64_t bytes) {

@@ -66,10 +66,13 @@ class RequestMemory {
    public:
     Share() = default;
     Share(Share&& other) noexcept
-        : memory_(std::exchange(other.memory_, nullptr)), bytes_(std::exchange(other.bytes_, 0)) {}
+        : memory_(std::exchange(other.memory_, nullptr)),
+          bytes_(std::exchange(other.bytes_, 0)),
+          lender_bytes_(other.lender_bytes_) {}
     Share& operator=(Share&& other) noexcept {
       std::swap(memory_, other.memory_);
       std::swap(bytes_, other.bytes_);
+      std::swap(lender_bytes_, other.lender_bytes_);
       return *this;
     }
     std::uint64_t bytes() const { return bytes_; }
@@ -77,8 +80,10 @@ class RequestMemory {
     void ShrinkTo(std::uint64_t bytes) {
       if (bytes < bytes_) memory_->Return(std::exchange(bytes_, bytes) - bytes);
     }
-    /// Adds `bytes`, or fails without a change: with `never` if they exceed what requests may ever
-    /// hold, with memory_full if they are not free now.
+    /// The request keeps `bytes` of the lender, its tree, until it ends: it can never borrow them.
+    void KeepsOfLender(std::uint64_t bytes) { lender_bytes_ = bytes; }
+    /// Adds `bytes`, or fails without a change: with `never` if they exceed what this request may
+    /// ever hold, with memory_full if they are not free now.
     api::Check Grow(std::uint64_t bytes, api::ErrorCode never);
     ~Share() {
       if (memory_ != nullptr) memory_->Return(bytes_);
@@ -86,13 +91,17 @@ class RequestMemory {
 
    private:
     friend class RequestMemory;
-    Share(RequestMemory* memory, std::uint64_t bytes) : memory_(memory), bytes_(bytes) {}
+    Share(RequestMemory* memory, std::uint64_t bytes, std::uint64_t lender_bytes = 0)
+        : memory_(memory), bytes_(bytes), lender_bytes_(lender_bytes) {}
     RequestMemory* memory_ = nullptr;
     std::uint64_t bytes_ = 0;
+    std::uint64_t lender_bytes_ = 0;
   };
 
-  /// A share of `bytes`; the problems of Share::Grow().
-  api::Outcome<Share> Take(std::uint64_t bytes, api::ErrorCode never);
+  /// A share of `bytes` for a request that keeps `lender_bytes` of the lender; the problems of
+  /// Share::Grow().
+  api::Outcome<Share> Take(std::uint64_t bytes, api::ErrorCode never,
+                           std::uint64_t lender_bytes = 0);
   /// The problem of a body of `bytes` that began now: body_too_large or memory_full. Charges
   /// nothing.
   api::Check CheckBody(std::uint64_t bytes) const;
@@ -190,12 +199,18 @@ class RequestMemory {
   /// The most bytes of idle blocks: a batch of about a million rays takes as much.
   static constexpr std::uint64_t kMostKeptBytes = std::uint64_t{64} << 20;
 
-  std::uint64_t MostBytes() const { return lender_ == nullptr ? own_ : 2 * own_; }
+  /// What requests may hold while `lender_bytes` of the lender are in use.
+  std::uint64_t MostBytes(std::uint64_t lender_bytes = 0) const {
+    if (lender_ == nullptr) return own_;
+    return own_ + std::min(own_, lender_->limit() - std::min(lender_->limit(), lender_bytes));
+  }
   bool IsSmall(std::uint64_t bytes) const { return bytes <= own_ / 64; }
 
-  api::Check Charge(std::uint64_t bytes, std::uint64_t total, api::ErrorCode never);
+  api::Check Charge(std::uint64_t bytes, std::uint64_t total, api::ErrorCode never,
+                    std::uint64_t lender_bytes);
   bool Borrow(std::uint64_t needed, std::unique_lock<std::mutex>* lock);
-  api::Problem NeverFits(std::uint64_t bytes, std::uint64_t most, api::ErrorCode code) const;
+  api::Problem NeverFits(std::uint64_t bytes, std::uint64_t most, api::ErrorCode code,
+                         std::uint64_t lender_bytes = 0) const;
   void Return(std::uint64_t bytes);
   bool Grow(Body::Held* body, std::uint64_t bytes);
   // With mutex_ held:

@@ -15,9 +15,11 @@ namespace kdray::server {
 /// Returned bytes are first used again by the same batch. For one thread at a time.
 class BatchMemory {
  public:
-  /// `too_large` is the code for a batch that can never fit.
-  BatchMemory(RequestMemory::Share body, api::ErrorCode too_large)
-      : share_(std::move(body)), used_(share_.bytes()), too_large_(too_large) {}
+  /// `too_large` is the code for a batch that can never fit beside the `tree_bytes` of its tree.
+  BatchMemory(RequestMemory::Share body, api::ErrorCode too_large, std::uint64_t tree_bytes)
+      : share_(std::move(body)), used_(share_.bytes()), too_large_(too_large) {
+    share_.KeepsOfLender(tree_bytes);
+  }
 
   /// `too_large`, or memory_full if the budget does not have what is missing.
   api::Check Charge(std::uint64_t bytes) {

@@ -30,7 +30,7 @@ api::Outcome<HttpResponse> GetCells(const HandlerContext& context, RoutedRequest
       BeginComputation(context, routed, TreeUse::kCells, kTimeLimit, kWorkOfCells);
   if (!computation) return computation.problem();
   auto memory = context.memory.Take(MemoryOfCells(*request, context.limits.max_cells),
-                                    api::ErrorCode::kTooManyCells);
+                                    api::ErrorCode::kTooManyCells, computation->tree->bytes());
   if (!memory) return memory.problem();
   const Stopwatch tracing;
   const auto cells =

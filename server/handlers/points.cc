@@ -39,7 +39,8 @@ api::Outcome<HttpResponse> AnswerPoints(
     return cancel.ShouldStop();
   };
   const std::size_t body_bytes = body.text.size();
-  BatchMemory memory(std::move(body.share), api::ErrorCode::kTooManyRays);
+  BatchMemory memory(std::move(body.share), api::ErrorCode::kTooManyRays,
+                     computation->tree->bytes());
   const Stopwatch parsing;
   const auto points =
       api::DecodePoints(body.text, batch->type, context.limits,

@@ -89,7 +89,8 @@ api::Outcome<HttpResponse> AnswerBatch(const HandlerContext& context, RoutedRequ
   if (!computation) return computation.problem();
   const LoadedTree& tree = *computation->tree;
   BatchMemory memory(std::move(body->share),
-                     query.lists ? api::ErrorCode::kTooManyHits : api::ErrorCode::kTooManyRays);
+                     query.lists ? api::ErrorCode::kTooManyHits : api::ErrorCode::kTooManyRays,
+                     tree.bytes());
 
   const Stopwatch parsing;
   const api::BatchWork work{

@@ -37,7 +37,8 @@ api::Outcome<HttpResponse> AnswerRender(const HandlerContext& context, RoutedReq
   const auto computation =
       BeginComputation(context, routed, use, limit, WorkOfPicture(request, form));
   if (!computation) return computation.problem();
-  auto memory = context.memory.Take(MemoryOfPicture(request, form), api::ErrorCode::kImageTooLarge);
+  auto memory = context.memory.Take(MemoryOfPicture(request, form), api::ErrorCode::kImageTooLarge,
+                                    computation->tree->bytes());
   if (!memory) return memory.problem();
   auto answer = computation->tree->Render(request, form == ImageForm::kPng, computation->cancel);
   if (!answer) return limit.Explain(std::move(answer).problem());

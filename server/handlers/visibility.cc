@@ -41,7 +41,8 @@ api::Outcome<HttpResponse> PostVisibility(const HandlerContext& context, RoutedR
     return cancel.ShouldStop();
   };
   const std::size_t body_bytes = body.text.size();
-  BatchMemory memory(std::move(body.share), api::ErrorCode::kTooManyRays);
+  BatchMemory memory(std::move(body.share), api::ErrorCode::kTooManyRays,
+                     computation->tree->bytes());
   const Stopwatch parsing;
   const auto sets =
       api::DecodePointSets(body.text, batch->type, *options, context.limits,

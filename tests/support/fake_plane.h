@@ -52,6 +52,8 @@ class FakePlane final : public server::LoadedTree {
  public:
   explicit FakePlane(FakeWork& work) : work_(work) {}
 
+  std::uint64_t bytes() const override { return 0; }
+
   api::Outcome<api::BatchReport> Closest(const api::RayTable& rays, const api::RayOptions& options,
                                          const server::CancelToken& cancel,
                                          api::RowSink<api::ClosestRows>* sink) const override {
@@ -105,7 +107,7 @@ class FakePlane final : public server::LoadedTree {
       counts.push_back(plane.first < 0 ? 0 : options.max_hits == 1 ? 1 : 2);
       if (counts.back() == 1) report.truncated.push_back(counts.size() - 1);
       for (std::uint32_t i = 0; i < counts.back(); ++i) {
-        hits.push_back({plane.first, 0, 0, std::int64_t{i}});
+        hits.push_back({plane.first, 0, 0, static_cast<std::int32_t>(i)});
       }
     }
     const Details details(hits.size());

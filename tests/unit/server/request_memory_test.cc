@@ -159,6 +159,30 @@ TEST(RequestMemory, BorrowsWhatTreesDoNotNeedAndGivesItBack) {
   EXPECT_EQ(refused.problem().code, kNever);
 }
 
+// A large tree leaves little to its own queries, however idle the server is.
+TEST(RequestMemory, WhatCannotFitBesideItsOwnTreeNeverFits) {
+  core::MemoryBudget trees(3 * kOwn);
+  RequestMemory memory(kOwn, &trees);
+  constexpr std::uint64_t kTree = 2 * kOwn + 100;
+  const auto tree = trees.TryReserve(kTree);
+  ASSERT_TRUE(tree);
+  const auto refused = memory.Take(2 * kOwn - 899, kNever, kTree);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.problem().code, kNever);
+  EXPECT_EQ(refused.problem().limit, 2 * kOwn - 900);
+  EXPECT_NE(refused.problem().detail.find("beside the tree"), std::string::npos);
+  {
+    auto most = memory.Take(2 * kOwn - 900, kNever, kTree);
+    ASSERT_TRUE(most.ok()) << "all that the tree leaves";
+    const api::Check more = most->Grow(1, kNever);
+    ASSERT_TRUE(more);
+    EXPECT_EQ(more->code, kNever);
+  }
+  const auto other = memory.Take(2 * kOwn - 899, kNever, kTree - 100);
+  ASSERT_FALSE(other.ok());
+  EXPECT_EQ(other.problem().code, ErrorCode::kMemoryFull) << "the tree in use is another's";
+}
+
 TEST(RequestMemory, BodiesDoNotBorrow) {
   core::MemoryBudget trees(3 * kOwn);
   RequestMemory memory(kOwn, &trees);
