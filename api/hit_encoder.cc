@@ -50,7 +50,7 @@ void VisitField(RayField field, const Hits& hits, const F& f) {
     case RayField::kT:
       return f([h = hits.hits](std::size_t i) { return FiniteT(h[i]); });
     case RayField::kTriangle:
-      return f([h = hits.hits](std::size_t i) { return h[i].triangle; });
+      return f([h = hits.hits](std::size_t i) { return std::int64_t{h[i].triangle}; });
     case RayField::kU:
       return f([h = hits.hits](std::size_t i) { return h[i].u; });
     case RayField::kV:

@@ -71,10 +71,11 @@ struct RayOptions {
   }
 };
 
-/// A hit. A miss has triangle -1 and t infinity; an invalid row has t NaN.
+/// A hit. A miss has triangle -1 and t infinity; an invalid row has t NaN. No accepted upload has
+/// 2^31 triangles.
 struct RayHit {
   double t, u, v;
-  std::int64_t triangle;
+  std::int32_t triangle;
 };
 
 /// What an answered batch has beside its rows.

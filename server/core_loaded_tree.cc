@@ -178,7 +178,10 @@ class CoreLoadedTree final : public LoadedTree {
             trace.surface_offset = core::SurfaceOffset(*scene_.mesh, trace.precision, in_float);
             report->offset = trace.surface_offset;
           }
-          return work(RayQuery{scene_, rays, options, trace, attributes->get()}, report);
+          return work(
+              RayQuery{scene_, rays, options, trace,
+                       static_cast<std::size_t>(runner_.arenas.threads()), attributes->get()},
+              report);
         });
   }
 

@@ -41,7 +41,6 @@ bool HitDetails::HasDetails(const api::RayOptions& options) {
 
 void HitDetails::Begin(std::size_t count) {
   using enum api::RayField;
-  hits_.resize(count);
   if (options_.Names(kNormal)) normals_.assign(count, kNoVector);
   if (options_.Names(kPoint)) points_.assign(count, kNoVector);
   if (options_.Names(kSide)) sides_.assign(count, 0);
@@ -64,8 +63,8 @@ void HitDetails::FillHit(std::size_t i, const core::Ray& ray, const core::Hit& h
   }
 }
 
-api::Hits HitDetails::View() const {
-  return {.hits = hits_,
+api::Hits HitDetails::View(std::span<const core::Hit> hits) const {
+  return {.hits = ToApi(hits),
           .normals = normals_,
           .points = points_,
           .sides = sides_,

@@ -30,31 +30,28 @@ class HitDetails {
              const api::RayOptions& options)
       : scene_(scene), attributes_(attributes), options_(options) {}
 
-  /// Hit i belongs to ray_of(i), a core::Ray. The result is valid until the next call.
+  /// Hit i belongs to ray_of(i), a core::Ray. The result is valid until the next call, and as long
+  /// as `hits`.
   template <class RayOf>
   api::Hits Fill(std::span<const core::Hit> hits, const RayOf& ray_of) {
-    Begin(hits.size());
-    for (std::size_t i = 0; i < hits.size(); ++i) {
-      hits_[i] = ToApi(hits[i]);
-    }
     if (wants_details_) {
+      Begin(hits.size());
       for (std::size_t i = 0; i < hits.size(); ++i) {
         if (hits[i].IsHit()) FillHit(i, ray_of(i), hits[i]);
       }
     }
-    return View();
+    return View(hits);
   }
 
  private:
   void Begin(std::size_t count);
   void FillHit(std::size_t i, const core::Ray& ray, const core::Hit& hit);
-  api::Hits View() const;
+  api::Hits View(std::span<const core::Hit> hits) const;
 
   const core::Scene& scene_;
   const core::MeshAttributes* attributes_;
   const api::RayOptions& options_;
   const bool wants_details_ = HasDetails(options_);
-  std::vector<api::RayHit> hits_;
   std::vector<api::Vec3> normals_, points_;
   std::vector<std::int8_t> sides_;
   std::vector<std::int32_t> groups_;

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -60,8 +61,15 @@ api::TreeDescription ToApi(const core::TreeInfo& info);
 std::string FormatCursor(const core::TreeInfo& info);
 std::optional<core::TreeLibrary::Position> ParseCursor(std::string_view cursor);
 
-inline api::RayHit ToApi(const core::Hit& hit) {
-  return {hit.t, hit.u, hit.v, hit.IsHit() ? std::int64_t{hit.primitive_id} : -1};
+/// The same hits: both structures have the same numbers at the same places.
+inline std::span<const api::RayHit> ToApi(std::span<const core::Hit> hits) {
+  static_assert(sizeof(api::RayHit) == sizeof(core::Hit) &&
+                offsetof(api::RayHit, t) == offsetof(core::Hit, t) &&
+                offsetof(api::RayHit, u) == offsetof(core::Hit, u) &&
+                offsetof(api::RayHit, v) == offsetof(core::Hit, v) &&
+                offsetof(api::RayHit, triangle) == offsetof(core::Hit, primitive_id) &&
+                static_cast<std::int32_t>(core::kNoPrimitive) == -1);
+  return {reinterpret_cast<const api::RayHit*>(hits.data()), hits.size()};
 }
 
 core::Light ToCore(const api::Light& light);

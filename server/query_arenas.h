@@ -20,6 +20,7 @@ class QueryArenas {
  public:
   /// At most `threads` work for one query.
   explicit QueryArenas(int threads) : threads_(threads) {}
+  int threads() const { return threads_; }
 
   /// core::Arena::Run in an arena that no other query uses meanwhile.
   template <class F>

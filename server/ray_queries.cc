@@ -26,8 +26,6 @@ using Clock = std::chrono::steady_clock;
 constexpr std::size_t kBlockRays = 131'072;
 // Rows that one thread reads at a time. They are checked while they are in its first cache.
 constexpr std::size_t kReadRows = 512;
-// Rows of an answer that one thread takes at a time.
-constexpr std::size_t kAnswerRows = 4096;
 // Rows that one thread gives to the sink at a time, which then still are in its first cache.
 constexpr std::size_t kPutRows = 512;
 // Hits of `all` that a block may have at most.
@@ -154,24 +152,35 @@ api::Check ForEachBlock(const RayQuery& query, std::size_t block_rows, api::RowS
   return BatchRays<double>(query, block_rows, report).ForEach(f, have_read);
 }
 
-/// The queries with one element per row: `trace(batch, elements)` fills a block of Elements, and
-/// put(rays, first row, elements, first, last) gives some of them to the sink.
+/// The queries with one element per row: `trace(batch, options, elements)` fills a block of
+/// Elements, and put(rays, first row, elements, first, last) gives some of them to the sink: at
+/// once, by the thread that traced them, while they are in its cache.
 template <class Element, class Rows, class Trace, class Put>
 api::Check AnswerRows(const RayQuery& query, api::RowSink<Rows>* sink, api::BatchReport* report,
                       const Trace& trace, const Put& put) {
   RawArray<Element> elements(std::min(kBlockRays, query.rays.size()));
   return ForEachBlock(query, kBlockRays, sink, report, [&](auto rays, std::size_t first_row) {
+    if (auto problem = sink->Begin(rays.size())) return problem;
     const std::span<Element> block = elements.first(rays.size());
+    std::atomic<Clock::rep> put_time{0};  // of all threads
+    core::TraceOptions options = query.trace;
+    options.traced = [&](std::size_t first, std::size_t last) {
+      if (options.cancel.ShouldStop()) return;
+      const auto start = Clock::now();
+      put(core::RayBatch(rays), first_row, std::span<const Element>(block), first, last);
+      put_time += (Clock::now() - start).count();
+    };
+    double ms = 0;
     const core::Status traced =
-        Timed(&report->trace_ms, [&] { return trace(core::RayBatch(rays), block); });
-    if (!traced.ok()) return ToCheck(traced);
-    return Timed(&report->encode_ms, [&] {
-      if (auto problem = sink->Begin(block.size())) return problem;
-      return ForEachPiece(
-          block.size(), kAnswerRows, query.trace.cancel, [&](std::size_t first, std::size_t last) {
-            put(core::RayBatch(rays), first_row, std::span<const Element>(block), first, last);
-          });
-    });
+        Timed(&ms, [&] { return trace(core::RayBatch(rays), options, block); });
+    // Elapsed time, if the threads shared the work evenly.
+    const std::size_t threads = std::min(query.threads, (rays.size() - 1) / core::kTracedRows + 1);
+    const double put_ms =
+        std::chrono::duration<double, std::milli>(Clock::duration(put_time)).count() /
+        static_cast<double>(threads);
+    report->encode_ms += put_ms;
+    report->trace_ms += ms - put_ms;
+    return ToCheck(traced);
   });
 }
 
@@ -237,8 +246,9 @@ api::Check AnswerClosest(const RayQuery& query, api::RowSink<api::ClosestRows>* 
                          api::BatchReport* report) {
   return AnswerRows<core::Hit>(
       query, sink, report,
-      [&](const core::RayBatch& rays, std::span<core::Hit> hits) {
-        return core::TraceClosest(query.scene, rays, query.trace, hits);
+      [&](const core::RayBatch& rays, const core::TraceOptions& options,
+          std::span<core::Hit> hits) {
+        return core::TraceClosest(query.scene, rays, options, hits);
       },
       [&](const core::RayBatch& rays, std::size_t first_row, std::span<const core::Hit> hits,
           std::size_t first, std::size_t last) {
@@ -255,8 +265,9 @@ api::Check AnswerAny(const RayQuery& query, api::RowSink<api::AnyRows>* sink,
                      api::BatchReport* report) {
   return AnswerRows<std::uint8_t>(
       query, sink, report,
-      [&](const core::RayBatch& rays, std::span<std::uint8_t> occluded) {
-        return core::TraceAny(query.scene, rays, query.trace, occluded);
+      [&](const core::RayBatch& rays, const core::TraceOptions& options,
+          std::span<std::uint8_t> occluded) {
+        return core::TraceAny(query.scene, rays, options, occluded);
       },
       [&](const core::RayBatch&, std::size_t first_row, std::span<const std::uint8_t> occluded,
           std::size_t first, std::size_t last) {
@@ -269,8 +280,9 @@ api::Check AnswerCount(const RayQuery& query, api::RowSink<api::CountRows>* sink
                        api::BatchReport* report) {
   return AnswerRows<std::uint32_t>(
       query, sink, report,
-      [&](const core::RayBatch& rays, std::span<std::uint32_t> counts) {
-        return core::TraceCount(query.scene, rays, query.trace, counts);
+      [&](const core::RayBatch& rays, const core::TraceOptions& options,
+          std::span<std::uint32_t> counts) {
+        return core::TraceCount(query.scene, rays, options, counts);
       },
       [&](const core::RayBatch&, std::size_t first_row, std::span<const std::uint32_t> counts,
           std::size_t first, std::size_t last) {

@@ -20,9 +20,6 @@
 namespace kdray::core {
 namespace {
 
-// Rays that one thread takes at a time.
-constexpr std::size_t kBlockRays = 4096;
-
 // Counts the work of one ray.
 struct CountCost {
   TraceCost* cost;
@@ -40,15 +37,19 @@ HitFilter::Options FilterOf(const TraceOptions& options) {
   return {options.cull, options.starts_on_surface, options.ends_on_surface, options.surface_offset};
 }
 
-/// Traces the job's rays, whose choice of a kernel is made.
-void TraceInBlocks(const KernelJob& job) {
+/// Traces the job's rays, whose choice of a kernel is made. Calls traced(first, last) as
+/// TraceOptions::traced says.
+template <class Traced>
+void TraceInBlocks(const KernelJob& job, const Traced& traced) {
   const RayBatch& rays = job.rays;
   if (!job.sort) {
-    ParallelFor(0, rays.size(), kBlockRays,
-                [&](std::size_t first, std::size_t last) { TraceBlock(job, first, last); });
+    ParallelFor(0, rays.size(), kTracedRows, [&](std::size_t first, std::size_t last) {
+      TraceBlock(job, first, last);
+      traced(first, last);
+    });
     return;
   }
-  static_assert(kSortedRays % kBlockRays == 0);
+  static_assert(kSortedRays % kTracedRows == 0);
   ParallelFor(0, rays.size(), kSortedRays, [&](std::size_t first, std::size_t last) {
     if (job.stopped->load(std::memory_order_relaxed)) return;
     std::vector<std::uint32_t> rows(last - first);
@@ -56,8 +57,9 @@ void TraceInBlocks(const KernelJob& job) {
     OrderRays(rays, job.mesh->bounds(), by_direction, first, rows);
     KernelJob sorted = job;
     sorted.rows = rows.data();
-    ParallelFor(0, rows.size(), kBlockRays,
+    ParallelFor(0, rows.size(), kTracedRows,
                 [&](std::size_t a, std::size_t b) { TraceBlock(sorted, a, b); });
+    ParallelFor(first, last, kTracedRows, traced);
   });
 }
 
@@ -107,6 +109,9 @@ Status TraceByKernel(const Scene& scene, const RayBatch& rays, const TraceOption
   job.cancel = cancel;
   job.stopped = &stopped;
   const KernelOverrides overrides{options.kernel, options.simd, options.sort};
+  const auto traced = [&options](std::size_t first, std::size_t last) {
+    if (options.traced) options.traced(first, last);
+  };
   if (options.ends_on_surface) {
     ForEachCutPiece(rays, [&](const RayBatch& cut, std::size_t first) {
       KernelJob piece = job;
@@ -116,11 +121,11 @@ Status TraceByKernel(const Scene& scene, const RayBatch& rays, const TraceOption
       if (piece.counts != nullptr) piece.counts += first;
       if (piece.lists.rows != nullptr) piece.lists.rows += first;
       ChooseKernel(overrides, &piece);
-      TraceInBlocks(piece);
+      TraceInBlocks(piece, [&](std::size_t a, std::size_t b) { traced(first + a, first + b); });
     });
   } else {
     ChooseKernel(overrides, &job);
-    TraceInBlocks(job);
+    TraceInBlocks(job, traced);
   }
   if (stopped) return cancel.ToError();
   return {};

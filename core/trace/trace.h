@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <span>
@@ -24,6 +25,9 @@
 #include "core/scene/scene.h"
 
 namespace kdray::core {
+
+/// Rays that one thread takes at a time.
+inline constexpr std::size_t kTracedRows = 4096;
 
 struct TraceOptions {
   Precision precision = Precision::kWatertight;
@@ -45,6 +49,11 @@ struct TraceOptions {
   /// and its end lies on the mesh, with the same rule.
   bool ends_on_surface = false;
   double surface_offset = 0;  ///< of SurfaceOffset(); finite and not negative
+
+  /// For TraceClosest, TraceAny and TraceCount. Called with rows [first, last) when their answers
+  /// are final and still in the cache, once for each row, from the threads that trace. After a stop
+  /// it may be called with rows whose answers are unspecified.
+  std::function<void(std::size_t first, std::size_t last)> traced = {};
 };
 
 /// The work for one ray, for the trade-off. Unlike answers, it depends on the build.

@@ -415,7 +415,7 @@ TEST(ClosestAnswers, SayTheSameInBothForms) {
     } else {
       const int exponent = static_cast<int>(random() % 80) - 40;
       answer.hits.push_back({std::ldexp(unit(random), exponent), unit(random), unit(random),
-                             static_cast<std::int64_t>(random() % 2000000000)});
+                             static_cast<std::int32_t>(random() % 2000000000)});
     }
   }
   for (const NumberType type : {NumberType::kF4, NumberType::kF8}) {

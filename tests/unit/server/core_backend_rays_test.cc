@@ -52,7 +52,7 @@ TEST_F(CoreBackendTest, ClosestHitsAreThoseOfBruteForceForFloatAndDoubleRows) {
       const core::Hit expected =
           core::BruteForceClosest(*mesh, RayOf(rows[i]), core::AutoPrecision(*mesh));
       hit_count += expected.IsHit() ? 1 : 0;
-      ExpectSame(hits[i], ToApi(expected));
+      ExpectSame(hits[i], ToApi({&expected, 1})[0]);
     }
     EXPECT_GT(hit_count, 500u);
     EXPECT_EQ(answer->report.invalid, invalid);
