@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/base/cancel_poll.h"
+#include "core/base/huge_advice.h"
 
 namespace kdray::core {
 
@@ -59,6 +60,7 @@ class Film {
     constexpr std::size_t kPiece = std::size_t{1} << 16;
     const std::size_t size = region.pixel_count() * static_cast<std::size_t>(channels);
     values_.reserve(size);
+    AdviseHuge(values_.data(), size * sizeof(T));
     while (values_.size() < size && !poll->Spend(kPiece)) {
       values_.resize(std::min(size, values_.size() + kPiece));
     }
