@@ -36,7 +36,9 @@ SrgbCodes::SrgbCodes() {
   for (std::uint32_t slot = 0; slot < slots_.size(); ++slot) {
     const auto low = std::bit_cast<float>((kFirst + slot) << kShift);
     while (begins[code + 1] <= low) ++code;
-    slots_[slot] = {begins[code + 1], code};
+    const auto next = std::bit_cast<std::uint32_t>(begins[code + 1]);
+    const bool begins_here = next >> kShift == kFirst + slot;
+    slots_[slot] = begins_here ? ((code + 1) << kShift) - (next & kLow) : code << kShift;
   }
 }
 

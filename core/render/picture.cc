@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 #include <optional>
 #include <span>
 #include <utility>
@@ -83,17 +84,22 @@ void Write(const Rgba& c, const Encode& encode, std::span<std::uint8_t> pixel) {
   if (pixel.size() == 4) pixel[3] = ToUnorm8(c.a);
 }
 
-/// A row of light, premultiplied red, green, blue and coverage. Most pixels are grey, and a grey is
-/// encoded once.
-void WriteLightRow(std::span<const float> row, std::size_t channels, std::span<std::uint8_t> out) {
+/// A row of light, premultiplied red, green, blue and coverage. Most pixels of the background equal
+/// the one before them.
+template <std::size_t kChannels>
+void WriteLightRow(std::span<const float> row, std::uint8_t* out) {
   const SrgbCodes& code_of = SrgbCodes::Table();
-  for (; !row.empty(); row = row.subspan(4), out = out.subspan(channels)) {
-    const Rgba c = {row[0], row[1], row[2], row[3]};
-    const float unpremultiply = c.a > 0.0f ? 1.0f / c.a : 0.0f;
-    out[0] = code_of(c.r * unpremultiply);
-    out[1] = c.g == c.r ? out[0] : code_of(c.g * unpremultiply);
-    out[2] = c.b == c.r ? out[0] : code_of(c.b * unpremultiply);
-    if (channels == 4) out[3] = ToUnorm8(c.a);
+  const float* before = nullptr;
+  for (const float* c = row.data(); c != row.data() + row.size();
+       before = c, c += 4, out += kChannels) {
+    if (before != nullptr && std::memcmp(before, c, 4 * sizeof(float)) == 0) {
+      for (std::size_t k = 0; k < kChannels; ++k) out[k] = out[k - kChannels];
+      continue;
+    }
+    const float alpha = c[3];
+    const float unpremultiply = alpha == 1.0f ? 1.0f : alpha > 0.0f ? 1.0f / alpha : 0.0f;
+    for (std::size_t k = 0; k < 3; ++k) out[k] = code_of(c[k] * unpremultiply);
+    if constexpr (kChannels == 4) out[3] = ToUnorm8(alpha);
   }
 }
 
@@ -133,9 +139,10 @@ Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cance
     std::span<std::uint8_t> rest = std::span(picture.pixels).subspan(row * row_bytes, row_bytes);
     if (image.mode == RenderMode::kShaded) {
       const auto row_values = static_cast<std::size_t>(picture.width) * 4;
-      return WriteLightRow(
-          std::get<Film<float>>(image.values).values().subspan(row * row_values, row_values),
-          channels, rest);
+      const std::span<const float> values =
+          std::get<Film<float>>(image.values).values().subspan(row * row_values, row_values);
+      return channels == 4 ? WriteLightRow<4>(values, rest.data())
+                           : WriteLightRow<3>(values, rest.data());
     }
     for (int x = region.x0; x < region.x1; ++x, rest = rest.subspan(channels)) {
       const std::span<std::uint8_t> pixel = rest.first(channels);

@@ -10,7 +10,8 @@ namespace kdray::core {
 
 /// LinearToSrgb8() (core/render/color.h) without a call and without a branch. Code c begins at the
 /// linear value of c - 1/2. A slot of the table has the floats with the same upper 16 bits, 128
-/// slots between two powers of two. At most one code begins in a slot, so one comparison finds it.
+/// slots between two powers of two. At most one code begins in a slot, so its place among the lower
+/// 16 bits, subtracted from the code, makes an addition carry exactly from there on.
 class SrgbCodes {
  public:
   static const SrgbCodes& Table();
@@ -18,24 +19,23 @@ class SrgbCodes {
   std::uint8_t operator()(float linear) const {
     float clamped = linear > kSmallest ? linear : kSmallest;  // NaN too
     clamped = clamped < kLargest ? clamped : kLargest;
-    const Slot& slot = slots_[(std::bit_cast<std::uint32_t>(clamped) >> kShift) - kFirst];
-    return static_cast<std::uint8_t>(slot.code + (clamped >= slot.next_begin ? 1 : 0));
+    const auto bits = std::bit_cast<std::uint32_t>(clamped);
+    return static_cast<std::uint8_t>((slots_[(bits >> kShift) - kFirst] + (bits & kLow)) >> kShift);
   }
 
  private:
   static constexpr int kShift = 16;
+  static constexpr std::uint32_t kLow = (1u << kShift) - 1;
   static constexpr float kSmallest = 0x1p-13f;       // code 1 begins above it
   static constexpr float kLargest = 0x1.fffffep-1f;  // the float before 1; code 255 begins below it
   static constexpr std::uint32_t kFirst = std::bit_cast<std::uint32_t>(kSmallest) >> kShift;
   static constexpr std::uint32_t kEnd = (std::bit_cast<std::uint32_t>(kLargest) >> kShift) + 1;
-  struct Slot {
-    float next_begin;
-    std::uint32_t code;
-  };
 
   SrgbCodes();
 
-  std::array<Slot, kEnd - kFirst> slots_{};
+  // 2^16 times the code of the slot's last float, minus the lower bits of the first one that has
+  // it; 2^16 times the code where the whole slot has one.
+  std::array<std::uint32_t, kEnd - kFirst> slots_{};
 };
 
 }  // namespace kdray::core
