@@ -8,6 +8,7 @@
 #include "core/geometry/bounds3.h"
 #include "core/geometry/ray.h"
 #include "core/render/camera.h"
+#include "core/render/four.h"
 
 namespace kdray::core {
 
@@ -15,6 +16,10 @@ namespace kdray::core {
 /// to Camera::RayThrough up to rounding; the same numbers for every region. Immutable, so safe from
 /// many threads at once.
 class CameraRays {
+  // Half a ray: origin and t_min, or direction and t_max.
+  using Four = FourFloats;
+  static Four Widened(const Vec3f& v, float fourth) { return Four{v.x, v.y, v.z, fourth}; }
+
  public:
   explicit CameraRays(const Camera& camera)
       : camera_(camera),
@@ -28,6 +33,9 @@ class CameraRays {
     const double per_y = 1.0 / camera.height;
     x_ = {(right.origin - corner_.origin) * per_x, (right.direction - corner_.direction) * per_x};
     y_ = {(below.origin - corner_.origin) * per_y, (below.direction - corner_.direction) * per_y};
+    from_in_float_ = Widened(Vec3f(camera.eye), 0);
+    x_in_float_ = Widened(Vec3f(x_.direction), 0);
+    y_in_float_ = Widened(Vec3f(y_.direction), 0);
   }
 
   const Camera& camera() const { return camera_; }
@@ -79,12 +87,12 @@ class CameraRays {
   class AroundInFloat {
    public:
     AroundInFloat(const CameraRays& rays, double x_px, double y_px)
-        : from_(Widened(Vec3f(rays.camera_.eye), 0)),
+        : from_(rays.from_in_float_),
           to_(Widened(
               Vec3f(rays.corner_.direction + rays.x_.direction * x_px + rays.y_.direction * y_px),
               std::numeric_limits<float>::infinity())),
-          x_(Widened(Vec3f(rays.x_.direction), 0)),
-          y_(Widened(Vec3f(rays.y_.direction), 0)) {}
+          x_(rays.x_in_float_),
+          y_(rays.y_in_float_) {}
     void Write(float dx_px, float dy_px, RayF* ray) const {
       const Four to = to_ + x_ * dx_px + y_ * dy_px;
       __builtin_memcpy(static_cast<void*>(&ray->origin), &from_, sizeof(from_));
@@ -92,10 +100,6 @@ class CameraRays {
     }
 
    private:
-    // Half a ray: origin and t_min, or direction and t_max.
-    using Four = float __attribute__((vector_size(16)));
-    static Four Widened(const Vec3f& v, float fourth) { return Four{v.x, v.y, v.z, fourth}; }
-
     Four from_, to_, x_, y_;
   };
 
@@ -109,6 +113,7 @@ class CameraRays {
   bool is_linear_;
   Ray corner_;
   Step x_, y_;
+  Four from_in_float_ = {}, x_in_float_ = {}, y_in_float_ = {};
 };
 
 }  // namespace kdray::core

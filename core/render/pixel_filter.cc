@@ -23,8 +23,9 @@ PixelFilter::PixelFilter() {
   const auto round = [](double x) {
     return static_cast<float>(std::nearbyint(x * 0x1p20) * 0x1p-20);
   };
-  ends_[0] = -static_cast<float>(kRadiusPx);
-  ends_[kPieces / 2] = 0;
+  std::array<float, kPieces + 1> ends;
+  ends[0] = -static_cast<float>(kRadiusPx);
+  ends[kPieces / 2] = 0;
   for (std::size_t i = 1; i < kPieces / 2; ++i) {
     const double share = static_cast<double>(i) / kPieces;
     double low = -kRadiusPx;
@@ -33,9 +34,10 @@ PixelFilter::PixelFilter() {
       const double middle = 0.5 * (low + high);
       (ShareBelow(middle) < share ? low : high) = middle;
     }
-    ends_[i] = round(low);
+    ends[i] = round(low);
   }
-  for (std::size_t i = 0; i < kPieces / 2; ++i) ends_[kPieces - i] = -ends_[i];
+  for (std::size_t i = 0; i < kPieces / 2; ++i) ends[kPieces - i] = -ends[i];
+  for (std::size_t i = 0; i < kPieces; ++i) pieces_[i] = {ends[i], ends[i + 1] - ends[i]};
 }
 
 const PixelFilter& PixelFilter::Get() {

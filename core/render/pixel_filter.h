@@ -6,6 +6,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "core/render/four.h"
+
 namespace kdray::core {
 
 /// The Blackman-Harris window with a radius of 1.5 pixels, in x times in y. It is sampled by
@@ -27,7 +29,25 @@ class PixelFilter {
   float Offset(std::uint32_t word) const {
     const std::size_t piece = word >> kPieceBits;
     const float part = static_cast<float>(word & kPieceMask) * kPieceScale;
-    return ends_[piece] + part * (ends_[piece + 1] - ends_[piece]);
+    return pieces_[piece].begin + part * pieces_[piece].length;
+  }
+
+  /// The offsets of four words.
+  FourFloats Offsets(FourWords words) const {
+    const FourFloats part =
+        __builtin_convertvector(FourInts(words & kPieceMask), FourFloats) * kPieceScale;
+    const FourWords piece = words >> kPieceBits;
+    // A piece's two numbers are loaded as one of eight bytes.
+    const auto two = [&](std::uint32_t first, std::uint32_t second) {
+      double at[2];
+      __builtin_memcpy(&at[0], &pieces_[first], sizeof(Piece));
+      __builtin_memcpy(&at[1], &pieces_[second], sizeof(Piece));
+      return FourFloats(TwoDoubles{at[0], at[1]});
+    };
+    const FourFloats low = two(piece[0], piece[1]);
+    const FourFloats high = two(piece[2], piece[3]);
+    return __builtin_shufflevector(low, high, 0, 2, 4, 6) +
+           part * __builtin_shufflevector(low, high, 1, 3, 5, 7);
   }
 
   /// The share of the filter below `offset_px`: the inverse of Offset, without its pieces.
@@ -41,7 +61,10 @@ class PixelFilter {
 
   PixelFilter();
 
-  std::array<float, kPieces + 1> ends_;
+  struct Piece {
+    float begin, length;
+  };
+  std::array<Piece, kPieces> pieces_;
 };
 
 }  // namespace kdray::core

@@ -6,6 +6,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "core/render/four.h"
+
 namespace kdray::core {
 
 /// A point of the unit square, in multiples of 2^-32.
@@ -31,6 +33,18 @@ class PixelSampler {
   SampleWords operator[](std::uint32_t index) const {
     const SampleWords base = index < kStored ? stored_[index] : Base(index);
     return {base.x ^ move_.x, base.y ^ move_.y};
+  }
+  /// The positions `index` and `index + 1`: x, y, x, y. `index` is even.
+  FourWords Two(std::uint32_t index) const {
+    const FourWords move = {move_.x, move_.y, move_.x, move_.y};
+    FourWords base;
+    if (index < kStored) [[likely]] {
+      __builtin_memcpy(&base, &stored_[index], sizeof(base));
+      return base ^ move;
+    }
+    const SampleWords first = Base(index), second = Base(index + 1);
+    base = FourWords{first.x, first.y, second.x, second.y};
+    return base ^ move;
   }
   /// A point for the direction of the sample's secondary ray, independent of its position: the
   /// sequence of another order (within each power of two) and another move.
