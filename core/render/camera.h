@@ -40,22 +40,45 @@ struct Camera {
   double h_fov = 0, v_fov = 0;  ///< of the whole image
   double middle_elevation = 0;  ///< of the image's middle row
 
+  /// The part of a ray that depends only on the column of its point in the image.
+  struct Column {
+    Vec3d offset;                 ///< along `right`, world units; spherical: not used
+    double cosine = 0, sine = 0;  ///< spherical: of the azimuth
+  };
+  /// The part that depends only on the row.
+  struct Row {
+    Vec3d offset;      ///< along `upward`, world units; spherical: of the direction
+    double level = 0;  ///< spherical: the cosine of the elevation
+  };
+  Column ColumnAt(double x_px) const {
+    if (projection == Projection::kSpherical) {
+      const double azimuth = AzimuthAt(x_px);
+      return {{}, std::cos(azimuth), std::sin(azimuth)};
+    }
+    return {.offset = right * ((x_px - center_x_px) * pixel_width)};
+  }
+  Row RowAt(double y_px) const {
+    if (projection == Projection::kSpherical) {
+      const double elevation = ElevationAt(y_px);
+      return {upward * std::sin(elevation), std::cos(elevation)};
+    }
+    return {.offset = upward * ((center_y_px - y_px) * pixel_height)};
+  }
+
   /// The ray through a point of the image. t is the depth in world units: the distance from the eye
   /// along the view axis, because the direction's component along it is 1; spherical: the distance
   /// along the ray, because the direction is unit.
-  Ray RayThrough(double x_px, double y_px) const {
+  Ray RayThrough(double x_px, double y_px) const { return RayThrough(ColumnAt(x_px), RowAt(y_px)); }
+  /// The same, bit for bit, where the parts are used for many rays.
+  Ray RayThrough(const Column& column, const Row& row) const {
     Ray ray;
     ray.origin = eye;
     if (projection == Projection::kSpherical) {
-      const Angles at = AnglesAt(x_px, y_px);
-      const double level = std::cos(at.elevation);
-      ray.direction = forward * (level * std::cos(at.azimuth)) +
-                      right * (level * std::sin(at.azimuth)) + upward * std::sin(at.elevation);
+      ray.direction =
+          forward * (row.level * column.cosine) + right * (row.level * column.sine) + row.offset;
       return ray;
     }
-    const double x = (x_px - center_x_px) * pixel_width;
-    const double y = (center_y_px - y_px) * pixel_height;
-    const Vec3d offset = right * x + upward * y;
+    const Vec3d offset = column.offset + row.offset;
     if (projection == Projection::kPerspective) {
       ray.direction = forward + offset;
     } else {
@@ -101,14 +124,15 @@ struct Camera {
   /// point is that of this camera.
   Camera FlatAt(double x_px, double y_px) const {
     if (projection != Projection::kSpherical) return *this;
-    const Angles at = AnglesAt(x_px, y_px);
-    const double level = std::cos(at.elevation);
-    const Vec3d ahead = forward * std::cos(at.azimuth) + right * std::sin(at.azimuth);
+    const double azimuth = AzimuthAt(x_px);
+    const double elevation = ElevationAt(y_px);
+    const double level = std::cos(elevation);
+    const Vec3d ahead = forward * std::cos(azimuth) + right * std::sin(azimuth);
     Camera flat = *this;
     flat.projection = Projection::kPerspective;
-    flat.forward = ahead * level + upward * std::sin(at.elevation);
-    flat.right = right * std::cos(at.azimuth) - forward * std::sin(at.azimuth);
-    flat.upward = upward * level - ahead * std::sin(at.elevation);
+    flat.forward = ahead * level + upward * std::sin(elevation);
+    flat.right = right * std::cos(azimuth) - forward * std::sin(azimuth);
+    flat.upward = upward * level - ahead * std::sin(elevation);
     flat.center_x_px = x_px;
     flat.center_y_px = y_px;
     flat.pixel_width = h_fov / width * level;
@@ -117,12 +141,9 @@ struct Camera {
   }
 
  private:
-  struct Angles {
-    double azimuth = 0, elevation = 0;
-  };
-  Angles AnglesAt(double x_px, double y_px) const {
-    return {(x_px / width - 0.5) * h_fov, middle_elevation + (0.5 - y_px / height) * v_fov};
-  }
+  // Radians.
+  double AzimuthAt(double x_px) const { return (x_px / width - 0.5) * h_fov; }
+  double ElevationAt(double y_px) const { return middle_elevation + (0.5 - y_px / height) * v_fov; }
 };
 
 }  // namespace kdray::core

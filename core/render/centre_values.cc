@@ -6,17 +6,19 @@
 #include <span>
 
 #include "core/geometry/surface_point.h"
+#include "core/render/centre_rays.h"
+#include "core/render/pixel_order.h"
+#include "core/render/store_ray.h"
 
 namespace kdray::core {
 namespace {
 
-// Calls f(x, y, i) for the tile's pixels, row by row.
+// Calls f(x, y, i) for the tile's pixels, in the order of ForEachInPixelOrder.
 template <class F>
 void ForEachPixel(const Tile& tile, const F& f) {
   std::size_t i = 0;
-  for (int y = tile.y0; y < tile.y1; ++y) {
-    for (int x = tile.x0; x < tile.x1; ++x, ++i) f(x, y, i);
-  }
+  ForEachInPixelOrder(tile.width(), tile.height(),
+                      [&](int x, int y) { f(tile.x0 + x, tile.y0 + y, i++); });
 }
 
 std::int32_t ToInt(std::uint32_t count) {
@@ -27,14 +29,20 @@ std::int32_t ToInt(std::uint32_t count) {
 }  // namespace
 
 void SetCentreRays(const Camera& camera, const Tile& tile, std::vector<Ray>* rays) {
+  std::vector<Camera::Column> columns;
+  for (int x = tile.x0; x < tile.x1; ++x) columns.push_back(camera.ColumnAt(x + 0.5));
   rays->resize(tile.pixel_count());
-  ForEachPixel(
-      tile, [&](int x, int y, std::size_t i) { (*rays)[i] = camera.RayThrough(x + 0.5, y + 0.5); });
+  Ray* ray = rays->data();
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    const Camera::Row row = camera.RowAt(y + 0.5);
+    for (const Camera::Column& column : columns) StoreRay(camera.RayThrough(column, row), ray++);
+  }
 }
 
 Status RenderCentres(const Scene& scene, const TraceOptions& options, const Tile& tile,
                      RenderedImage* image, std::vector<Ray>* rays, std::vector<Hit>* all_hits) {
-  SetCentreRays(image->camera, tile, rays);
+  rays->resize(tile.pixel_count());
+  WriteCentreRays(image->camera, tile, rays->data());
   const auto batch = std::span<const Ray>(*rays);
   std::vector<Hit>& hits = *all_hits;
   hits.resize(rays->size());

@@ -31,7 +31,8 @@ inline float DepthValue(const Hit& hit) {
 void SetCentreRays(const Camera& camera, const Tile& tile, std::vector<Ray>* rays);
 
 /// Writes the values of image->mode, for which HasOneSample, for the pixels of `tile` into
-/// image->values. Sets `rays` and `hits`, row by row. Errors: kCancelled, kDeadlineExceeded.
+/// image->values. Sets `rays` and `hits`, in the order of ForEachInPixelOrder. `tile` has at most
+/// CentreRays::kMostSide pixels a side. Errors: kCancelled, kDeadlineExceeded.
 Status RenderCentres(const Scene& scene, const TraceOptions& options, const Tile& tile,
                      RenderedImage* image, std::vector<Ray>* rays, std::vector<Hit>* hits);
 

@@ -13,6 +13,7 @@
 
 #include "core/base/cancel_poll.h"
 #include "core/base/parallel.h"
+#include "core/render/centre_rays.h"
 #include "core/render/centre_values.h"
 #include "core/trace/trace.h"
 
@@ -21,7 +22,7 @@ namespace {
 
 // Pixels that are looked at between two polls, and the side of a tile of rays.
 constexpr std::size_t kPiece = std::size_t{1} << 14;
-constexpr int kTileSide = 64;
+constexpr int kTileSide = CentreRays::kMostSide;
 
 // Depths of hits so far; min and max do not depend on their order. Safe from many threads at once.
 class SharedRange {
@@ -83,7 +84,8 @@ Status AddTraced(const Scene& scene, const RenderedImage& image, const Region& p
     std::vector<Ray> rays;
     std::vector<Hit> hits;
     for (std::size_t i = first; i < last && !stopped; ++i) {
-      SetCentreRays(image.camera, tiles[i], &rays);
+      rays.resize(tiles[i].pixel_count());
+      WriteCentreRays(image.camera, tiles[i], rays.data());
       hits.resize(rays.size());
       const Status status = TraceClosest(scene, std::span<const Ray>(rays),
                                          {.precision = image.precision, .cancel = cancel}, hits);

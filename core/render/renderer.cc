@@ -211,6 +211,13 @@ class ImageRenderer {
                        [&](std::size_t i) { return renderer.RenderCentres(tiles[i]); });
   }
 
+  // The centres of a mode that may take several samples.
+  Status RenderOneSample(const Region& region) const {
+    const TileGrid tiles(region, TileSide(1));
+    return ForEachTile(tiles.size(),
+                       [&](std::size_t i) { return renderer_.RenderCentres(tiles[i]); });
+  }
+
   // Tile by tile, by the default rule.
   Status RenderSmooth(const Region& region, RenderedImage* image) const {
     const TileGrid tiles(region, kSmoothTileSide);
@@ -412,6 +419,8 @@ Result<RenderedImage> Render(const Scene& scene, const RenderSpec& spec, const C
   Status status;
   if (HasOneSample(spec.mode)) {
     status = image_renderer.RenderCentres(renderer, region);
+  } else if (rule.centre) {
+    status = image_renderer.RenderOneSample(region);
   } else if (IsSmoothed(spec)) {
     status = image_renderer.RenderSmooth(region, &image);
   } else if (spec.budget) {

@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/render/centre_rays.h"
 #include "core/render/pixel_filter.h"
 #include "core/render/pixel_order.h"
 #include "core/render/sampler.h"
+#include "core/render/store_ray.h"
 
 namespace kdray::core {
 namespace {
@@ -18,6 +20,13 @@ constexpr float kVisibleStep = 0.05f;
 // About the share of the display's range that linear light takes.
 float Displayed(float linear) { return std::sqrt(std::clamp(linear, 0.0f, 1.0f)); }
 
+// Whether two pixels show different things (TileScratch::Look).
+bool Differ(const FourFloats& a, const FourFloats& b) {
+  const FourFloats distance = a - b;
+  const FourInts above = (distance > kVisibleStep) | (distance < -kVisibleStep);
+  return (above[0] | above[1] | above[2] | above[3]) != 0;
+}
+
 void Store(std::span<float> pixel, float r, float g, float b, float a) {
   pixel[0] = r;
   pixel[1] = g;
@@ -28,6 +37,27 @@ void Store(std::span<float> pixel, float r, float g, float b, float a) {
 float ToFloat(double light) {
   return static_cast<float>(
       std::min(light, static_cast<double>(std::numeric_limits<float>::max())));
+}
+
+// Calls f(dx, dy) with the distances of the samples [first, first + count) from the pixel's centre,
+// in pixels.
+template <class F>
+void ForEachOffset(const PixelSampler& sampler, std::uint32_t first, std::uint32_t count,
+                   const F& f) {
+  const PixelFilter& filter = PixelFilter::Get();
+  const std::uint32_t end = first + count;
+  std::uint32_t n = first;
+  const auto single = [&] {
+    const SampleWords at = sampler[n++];
+    f(filter.Offset(at.x), filter.Offset(at.y));
+  };
+  if (n % 2 != 0 && n < end) single();
+  for (; n + 1 < end; n += 2) {
+    const FourFloats at = filter.Offsets(sampler.Two(n));
+    f(at[0], at[1]);
+    f(at[2], at[3]);
+  }
+  if (n < end) single();
 }
 
 }  // namespace
@@ -73,43 +103,79 @@ void SampledTiles::AddRays(const Tile& tile, std::uint32_t pixel, std::uint32_t 
   const int y = tile.y0 + static_cast<int>(pixel / width);
   const std::size_t begin = scratch->ray_count;
   scratch->ray_count += count;
-  if (rule_.centre) {
-    scratch->rays[begin] = image_->camera.RayThrough(x + 0.5, y + 0.5);
-    if (!shader_.needs_directions()) return;
-  }
   const PixelSampler sampler(seed_, x, y);
   if (shader_.needs_directions()) {
     for (std::uint32_t n = first; n < first + count; ++n) {
       scratch->directions.push_back(sampler.Direction(n));
     }
   }
-  if (rule_.centre) return;
-  const PixelFilter& filter = PixelFilter::Get();
   if (float_rays_) {
     const CameraRays::AroundInFloat around(rays_, x + 0.5, y + 0.5);
     RayF* ray = scratch->float_rays.data() + begin;
-    for (std::uint32_t n = first; n < first + count; ++n, ++ray) {
-      const SampleWords at = sampler[n];
-      around.Write(filter.Offset(at.x), filter.Offset(at.y), ray);
-    }
+    ForEachOffset(sampler, first, count, [&](float dx, float dy) { around.Write(dx, dy, ray++); });
     return;
   }
   const CameraRays::Around around(rays_, x + 0.5, y + 0.5);
   Ray* ray = scratch->rays.data() + begin;
-  for (std::uint32_t n = first; n < first + count; ++n, ++ray) {
-    const SampleWords at = sampler[n];
-    *ray = around.At(static_cast<double>(filter.Offset(at.x)),
-                     static_cast<double>(filter.Offset(at.y)));
-  }
+  ForEachOffset(sampler, first, count, [&](float dx, float dy) {
+    StoreRay(around.At(static_cast<double>(dx), static_cast<double>(dy)), ray++);
+  });
 }
 
-// Closest hits and values of the rays.
 Status SampledTiles::Trace(const RayBatch& rays, TileScratch* scratch) const {
   scratch->hits.resize(rays.size());
   scratch->counts.camera_rays += rays.size();
-  Status status = TraceClosest(scene_, rays, trace_options_, scratch->hits);
-  if (!status.ok()) return status;
+  return TraceClosest(scene_, rays, trace_options_, scratch->hits);
+}
+
+// Closest hits and values of the centres of the tile's pixels, in the order of
+// ForEachInPixelOrder.
+Status SampledTiles::TraceCentres(const Tile& tile, TileScratch* scratch) const {
+  WriteCentreRays(image_->camera, tile, scratch->rays.data());
+  if (shader_.needs_directions()) {
+    scratch->directions.clear();
+    ForEachInPixelOrder(tile.width(), tile.height(), [&](int x, int y) {
+      scratch->directions.push_back(PixelSampler(seed_, tile.x0 + x, tile.y0 + y).Direction(0));
+    });
+  }
+  const auto rays = std::span<const Ray>(scratch->rays).first(tile.pixel_count());
+  if (Status status = Trace(rays, scratch); !status.ok()) return status;
   return shader_.Shade(rays, scratch);
+}
+
+Status SampledTiles::RenderCentres(const Tile& tile) const {
+  const ScratchPool::Lease lease(pool_);
+  TileScratch* const scratch = lease.get();
+  if (Status status = TraceCentres(tile, scratch); !status.ok()) return status;
+  if (mode_ == RenderMode::kShaded) {
+    WriteShadedCentres(tile, *scratch);
+  } else {
+    std::size_t i = 0;
+    ForEachInPixelOrder(tile.width(), tile.height(), [&](int x, int y) {
+      PixelSums pixel;
+      pixel.samples = 1;
+      pixel.misses = scratch->hits[i].IsHit() ? 0 : 1;
+      pixel.sum = Vec3d(scratch->values[i++]);
+      WritePixel(pixel, tile.x0 + x, tile.y0 + y);
+    });
+  }
+  return lines_.draws_lines() ? lines_.DrawLines(tile, scratch->hits) : Status();
+}
+
+// As WriteShaded does for the sums of one sample.
+void SampledTiles::WriteShadedCentres(const Tile& tile, const TileScratch& scratch) const {
+  Film<float>& film = std::get<Film<float>>(image_->values);
+  const FourFloats behind = {background_.r, background_.g, background_.b, background_.a};
+  const Hit* hit = scratch.hits.data();
+  const Vec3f* value = scratch.values.data();
+  ForEachInPixelOrder(tile.width(), tile.height(), [&](int x, int y) {
+    // Never -0.
+    const FourFloats lit = FourFloats{value->x, value->y, value->z, 1} + 0.0f;
+    const FourFloats pixel = hit->IsHit() ? lit : behind;
+    __builtin_memcpy(film(tile.x0 + x, tile.y0 + y).data(), &pixel, sizeof(pixel));
+    ++hit;
+    ++value;
+  });
 }
 
 Status SampledTiles::Refine(int target, TileSums* sums) const {
@@ -163,6 +229,7 @@ Status SampledTiles::FinishBatch(int target, std::span<const Run> runs, TileScra
                             ? RayBatch(std::span<const RayF>(scratch->float_rays).first(ray_count))
                             : RayBatch(std::span<const Ray>(scratch->rays).first(ray_count));
   if (Status status = Trace(rays, scratch); !status.ok()) return status;
+  if (Status status = shader_.Shade(rays, scratch); !status.ok()) return status;
   const Hit* hit = scratch->hits.data();
   const Vec3f* value = scratch->values.data();
   for (const Run& run : runs) {
@@ -194,13 +261,42 @@ Status SampledTiles::DrawLines(int samples, std::span<const Hit> hits, TileSums*
   return lines_.FindLines(sums->tile, hits, samples, sums->line_opacity);
 }
 
-bool SampledTiles::Differ(const Vec3f& a, const Vec3f& b) const {
-  const auto apart = [&](float x, float y) {
-    const float distance =
-        mode_ == RenderMode::kNormal ? 0.5f * (x - y) : Displayed(x) - Displayed(y);
-    return std::fabs(distance) > kVisibleStep;
+// Sets scratch->is_step: whether one of the eight pixels around shows another thing, or a visibly
+// different colour. Of the tile's outermost pixels only the neighbours within the tile count.
+void SampledTiles::FindSteps(const Tile& tile, TileScratch* scratch) const {
+  const auto width = static_cast<std::size_t>(tile.width());
+  const auto height = static_cast<std::size_t>(tile.height());
+  std::vector<TileScratch::Look>& looks = scratch->looks;
+  looks.resize(width * height);
+  const Hit* hit = scratch->hits.data();
+  const Vec3f* value = scratch->values.data();
+  ForEachInPixelOrder(tile.width(), tile.height(), [&](int x, int y) {
+    const auto displayed = [&](float v) {
+      return mode_ == RenderMode::kNormal ? 0.5f * v : Displayed(v);
+    };
+    const float is_hit = hit++->IsHit() ? 1.0f : 0.0f;
+    const Vec3f& v = *value++;
+    looks[static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x)] = {
+        FourFloats{displayed(v.x), displayed(v.y), displayed(v.z), is_hit}};
+  });
+  std::vector<std::uint8_t>& is_step = scratch->is_step;
+  is_step.assign(looks.size(), 0);
+  // Each pair of neighbours once.
+  const auto compare = [&](std::size_t a, std::size_t b) {
+    const std::uint8_t differ = Differ(looks[a].channels, looks[b].channels) ? 1 : 0;
+    is_step[a] |= differ;
+    is_step[b] |= differ;
   };
-  return apart(a.x, b.x) || apart(a.y, b.y) || apart(a.z, b.z);
+  for (std::size_t y = 0, i = 0; y < height; ++y) {
+    for (std::size_t x = 0; x < width; ++x, ++i) {
+      const bool is_last = x + 1 == width;
+      if (!is_last) compare(i, i + 1);
+      if (y + 1 == height) continue;
+      if (x != 0) compare(i, i + width - 1);
+      compare(i, i + width);
+      if (!is_last) compare(i, i + width + 1);
+    }
+  }
 }
 
 Status SampledTiles::RenderSmooth(TileSums* sums) const {
@@ -209,55 +305,27 @@ Status SampledTiles::RenderSmooth(TileSums* sums) const {
   const Tile wide = {std::max(tile.x0 - 1, 0), std::max(tile.y0 - 1, 0),
                      std::min(tile.x1 + 1, image_->camera.width),
                      std::min(tile.y1 + 1, image_->camera.height)};
-  struct Centre {
-    bool is_hit = false;
-    Vec3f value;
-  };
-  std::vector<Centre> centres(wide.pixel_count());
   std::vector<Hit> line_hits(lines_.draws_lines() ? tile.pixel_count() : 0);
-  const auto width = static_cast<std::uint32_t>(wide.width());
   {
     const ScratchPool::Lease lease(pool_);
     TileScratch* const scratch = lease.get();
-    const std::vector<std::uint32_t>& order = scratch->OrderOf(wide.width(), wide.height());
-    for (std::size_t k = 0; k < order.size(); ++k) {
-      const std::uint32_t i = order[k];
-      scratch->rays[k] = image_->camera.RayThrough(wide.x0 + static_cast<int>(i % width) + 0.5,
-                                                   wide.y0 + static_cast<int>(i / width) + 0.5);
-    }
-    const auto rays = std::span<const Ray>(scratch->rays).first(order.size());
-    if (Status status = Trace(rays, scratch); !status.ok()) return status;
-    for (std::size_t k = 0; k < order.size(); ++k) {
-      centres[order[k]] = {scratch->hits[k].IsHit(), scratch->values[k]};
-    }
-    for (std::size_t k = 0; !line_hits.empty() && k < order.size(); ++k) {
-      const int x = wide.x0 + static_cast<int>(order[k] % width) - tile.x0;
-      const int y = wide.y0 + static_cast<int>(order[k] / width) - tile.y0;
-      if (x < 0 || y < 0 || x >= tile.width() || y >= tile.height()) continue;
-      line_hits[static_cast<std::size_t>(y * tile.width() + x)] = scratch->hits[k];
-    }
-  }
-  const auto at = [&](int x, int y) -> const Centre& {
-    return centres[static_cast<std::size_t>((y - wide.y0) * wide.width() + (x - wide.x0))];
-  };
-  std::size_t i = 0;
-  for (int y = tile.y0; y < tile.y1; ++y) {
-    for (int x = tile.x0; x < tile.x1; ++x, ++i) {
-      const Centre& own = at(x, y);
-      bool is_even = true;
-      for (int v = std::max(y - 1, wide.y0); v < std::min(y + 2, wide.y1); ++v) {
-        for (int u = std::max(x - 1, wide.x0); u < std::min(x + 2, wide.x1); ++u) {
-          const Centre& other = at(u, v);
-          is_even = is_even && other.is_hit == own.is_hit && !Differ(other.value, own.value);
-        }
-      }
-      if (!is_even) continue;
+    if (Status status = TraceCentres(wide, scratch); !status.ok()) return status;
+    FindSteps(wide, scratch);
+    std::size_t next = 0;
+    ForEachInPixelOrder(wide.width(), wide.height(), [&](int column, int row) {
+      const std::size_t k = next++;
+      const int x = wide.x0 + column - tile.x0;
+      const int y = wide.y0 + row - tile.y0;
+      if (x < 0 || y < 0 || x >= tile.width() || y >= tile.height()) return;
+      const auto i = static_cast<std::size_t>(y * tile.width() + x);
+      if (!line_hits.empty()) line_hits[i] = scratch->hits[k];
+      if (scratch->is_step[static_cast<std::size_t>(row * wide.width() + column)] != 0) return;
       PixelSums& pixel = sums->pixels[i];
       pixel.samples = 1;
-      pixel.misses = own.is_hit ? 0 : 1;
-      pixel.sum = Vec3d(own.value);
+      pixel.misses = scratch->hits[k].IsHit() ? 0 : 1;
+      pixel.sum = Vec3d(scratch->values[k]);
       pixel.stopped = true;
-    }
+    });
   }
   if (lines_.draws_lines()) {
     if (Status status = DrawLines(1, line_hits, sums); !status.ok()) return status;
@@ -269,16 +337,19 @@ void SampledTiles::Write(const TileSums& sums) const {
   std::size_t i = 0;
   for (int y = sums.tile.y0; y < sums.tile.y1; ++y) {
     for (int x = sums.tile.x0; x < sums.tile.x1; ++x, ++i) {
-      const PixelSums& pixel = sums.pixels[i];
-      if (mode_ == RenderMode::kShaded) {
-        WriteShaded(pixel, std::get<Film<float>>(image_->values)(x, y));
-      } else if (mode_ == RenderMode::kNormal) {
-        WriteNormal(pixel, x, y);
-      } else {
-        WriteOcclusion(pixel, x, y);
-      }
+      WritePixel(sums.pixels[i], x, y);
       if (!sums.line_opacity.empty()) lines_.DrawLine(sums.line_opacity[i], x, y);
     }
+  }
+}
+
+void SampledTiles::WritePixel(const PixelSums& pixel, int x, int y) const {
+  if (mode_ == RenderMode::kShaded) {
+    WriteShaded(pixel, std::get<Film<float>>(image_->values)(x, y));
+  } else if (mode_ == RenderMode::kNormal) {
+    WriteNormal(pixel, x, y);
+  } else {
+    WriteOcclusion(pixel, x, y);
   }
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Renders tiles whose pixels take several samples: rays, hits, values, sums, pixels.
-// core/render/tile_renderer.h renders those of one sample; core/render/renderer.h calls both.
+// Renders tiles of the modes that may take several samples: rays, hits, values, sums, pixels.
+// core/render/tile_renderer.h renders the other modes; core/render/renderer.h calls both.
 #pragma once
 
 #include <cstdint>
@@ -26,6 +26,9 @@ class SampledTiles {
                const TraceOptions& trace_options, const TileRenderer& lines, ScratchPool* pool,
                RenderedImage* image);
 
+  /// Renders a tile whose pixels take their centre as the one sample.
+  Status RenderCentres(const Tile& tile) const;
+
   static TileSums Begin(const Tile& tile);
   /// Brings every pixel that has not stopped to `target` samples, and stops those that have enough.
   Status Refine(int target, TileSums* sums) const;
@@ -46,10 +49,13 @@ class SampledTiles {
   void AddRays(const Tile& tile, std::uint32_t pixel, std::uint32_t first, std::uint32_t count,
                TileScratch* scratch) const;
   Status Trace(const RayBatch& rays, TileScratch* scratch) const;
+  Status TraceCentres(const Tile& tile, TileScratch* scratch) const;
   Status FinishBatch(int target, std::span<const Run> runs, TileScratch* scratch,
                      TileSums* sums) const;
   Status DrawLines(int samples, std::span<const Hit> hits, TileSums* sums) const;
-  bool Differ(const Vec3f& a, const Vec3f& b) const;
+  void WriteShadedCentres(const Tile& tile, const TileScratch& scratch) const;
+  void WritePixel(const PixelSums& pixel, int x, int y) const;
+  void FindSteps(const Tile& tile, TileScratch* scratch) const;
 
   void WriteShaded(const PixelSums& pixel, std::span<float> values) const;
   void WriteNormal(const PixelSums& pixel, int x, int y) const;

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "core/render/centre_values.h"
+#include "core/render/pixel_order.h"
 
 namespace kdray::core {
 namespace {
@@ -13,15 +14,6 @@ void Store(std::span<float> pixel, const Rgba& c) {
   pixel[1] = c.g;
   pixel[2] = c.b;
   pixel[3] = c.a;
-}
-
-// Calls f(x, y, i) for the tile's pixels, row by row.
-template <class F>
-void ForEachPixel(const Tile& tile, const F& f) {
-  std::size_t i = 0;
-  for (int y = tile.y0; y < tile.y1; ++y) {
-    for (int x = tile.x0; x < tile.x1; ++x, ++i) f(x, y, i);
-  }
 }
 
 }  // namespace
@@ -40,14 +32,25 @@ Status TileRenderer::RenderCentres(const Tile& tile) const {
   const ScratchPool::Lease scratch(pool_);
   scratch.get()->counts.camera_rays += tile.pixel_count();
   std::vector<Hit>& hits = scratch.get()->hits;
-  Status status =
-      core::RenderCentres(scene_, trace_options_, tile, image_, &scratch.get()->rays, &hits);
-  if (!status.ok()) return status;
-  if (lines_) {
-    std::vector<float> opacity(tile.pixel_count());
-    status = FindLines(tile, hits, 1, opacity);
-    if (!status.ok()) return status;
-    ForEachPixel(tile, [&](int x, int y, std::size_t i) { DrawLine(opacity[i], x, y); });
+  if (Status status =
+          core::RenderCentres(scene_, trace_options_, tile, image_, &scratch.get()->rays, &hits);
+      !status.ok()) {
+    return status;
+  }
+  return lines_ ? DrawLines(tile, hits) : Status();
+}
+
+Status TileRenderer::DrawLines(const Tile& tile, std::span<const Hit> hits) const {
+  std::vector<Hit> in_rows(tile.pixel_count());
+  const Hit* hit = hits.data();
+  ForEachInPixelOrder(tile.width(), tile.height(), [&](int x, int y) {
+    in_rows[static_cast<std::size_t>(y * tile.width() + x)] = *hit++;
+  });
+  std::vector<float> opacity(tile.pixel_count());
+  if (Status status = FindLines(tile, in_rows, 1, opacity); !status.ok()) return status;
+  auto line = opacity.begin();
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    for (int x = tile.x0; x < tile.x1; ++x) DrawLine(*line++, x, y);
   }
   return {};
 }

@@ -38,6 +38,9 @@ class TileRenderer {
   /// the same order (CellLines::Draw).
   Status FindLines(const Tile& tile, std::span<const Hit> hits, int samples,
                    std::span<float> opacity) const;
+  /// Draws the lines over pixels of one sample each. hits: of the pixels, in the order of
+  /// ForEachInPixelOrder.
+  Status DrawLines(const Tile& tile, std::span<const Hit> hits) const;
   /// Draws a line into the image's films.
   void DrawLine(float opacity, int x, int y) const;
 

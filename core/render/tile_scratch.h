@@ -15,6 +15,7 @@
 #include "core/geometry/ray.h"
 #include "core/geometry/triangle_mesh.h"
 #include "core/geometry/vec3.h"
+#include "core/render/four.h"
 #include "core/render/render_counts.h"
 #include "core/render/sampler.h"
 
@@ -65,6 +66,12 @@ struct TileScratch {
     Vec3f value;
   };
   std::vector<Contribution> contributions;  ///< of the secondary rays, if they are not occluded
+  /// What the eye compares of a centre: red, green and blue as displayed, and 1 for a hit.
+  struct Look {
+    FourFloats channels;
+  };
+  std::vector<Look> looks;            ///< row by row
+  std::vector<std::uint8_t> is_step;  ///< of the same pixels
   NormalCache normal_cache;
   RenderCounts counts;
 
