@@ -51,6 +51,7 @@ core::RenderSpec MakeSpec(const RenderQuery& query) {
     if (samples) spec.samples = static_cast<int>(*samples);
   }
   AddSurface(query.request, query.attributes, &spec);
+  spec.as_codes = query.png;
   spec.max_cells = static_cast<std::size_t>(query.limits.max_picture_cells);
   if (spec.budget) spec.budget = std::min(*spec.budget, TimeToTrace(query.cancel));
   return spec;
@@ -77,10 +78,10 @@ api::Check SetDepthRange(const RenderQuery& query, core::RenderedImage* image,
   return std::nullopt;
 }
 
-api::Check Encode(const core::RenderedImage& image, const core::CancelToken& cancel,
+api::Check Encode(core::RenderedImage image, const core::CancelToken& cancel,
                   api::RenderAnswer* answer) {
   const auto start = SteadyClock::now();
-  const core::Result<core::Picture> picture = core::MakePicture(image, cancel);
+  const core::Result<core::Picture> picture = core::MakePicture(std::move(image), cancel);
   if (!picture.ok()) return ToProblem(picture.error());
   core::Result<std::vector<std::byte>> bytes =
       core::EncodePng(picture->pixels, picture->width, picture->height, picture->channels, cancel);
@@ -114,7 +115,7 @@ api::Check AnswerRender(const RenderQuery& query, api::RenderAnswer* answer) {
   answer->stopped = ToApi(image->stopped);
   answer->counts = ToApi(image->counts);
   answer->trace_ms = core::MillisecondsSince(start);
-  if (query.png) return Encode(*image, query.cancel, answer);
+  if (query.png) return Encode(*std::move(image), query.cancel, answer);
   answer->image = ToApi(*std::move(image));
   return std::nullopt;
 }

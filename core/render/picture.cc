@@ -96,16 +96,23 @@ void WriteLightRow(std::span<const float> row, std::uint8_t* out) {
       for (std::size_t k = 0; k < kChannels; ++k) out[k] = out[k - kChannels];
       continue;
     }
-    const float alpha = c[3];
-    const float unpremultiply = alpha == 1.0f ? 1.0f : alpha > 0.0f ? 1.0f / alpha : 0.0f;
-    for (std::size_t k = 0; k < 3; ++k) out[k] = code_of(c[k] * unpremultiply);
-    if constexpr (kChannels == 4) out[3] = ToUnorm8(alpha);
+    EncodeLight<kChannels>(code_of, c, out);
   }
 }
 
 }  // namespace
 
 Picture MakePicture(const RenderedImage& image) { return *MakePicture(image, CancelToken()); }
+
+Result<Picture> MakePicture(RenderedImage&& image, const CancelToken& cancel) {
+  if (!image.codes) return MakePicture(std::as_const(image), cancel);
+  Picture picture;
+  picture.width = image.region().width();
+  picture.height = image.region().height();
+  picture.channels = image.codes->channels();
+  picture.pixels = std::move(*image.codes).TakeValues();
+  return picture;
+}
 
 Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cancel) {
   const Region& region = image.region();
@@ -114,6 +121,11 @@ Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cance
   picture.width = region.width();
   picture.height = region.height();
   picture.channels = background.transparent ? 4 : 3;
+  if (image.codes) {
+    const std::span<const std::uint8_t> codes = image.codes->values();
+    picture.pixels.assign(codes.begin(), codes.end());
+    return picture;
+  }
   const auto channels = static_cast<std::size_t>(picture.channels);
   picture.pixels.resize(region.pixel_count() * channels);
 

@@ -32,6 +32,8 @@ struct Picture {
 /// picture; of kDepth, if depth_range is that of the whole image (RangeOfWholeImage). O(pixels), in
 /// parallel within the caller's arena. Errors: kCancelled, kDeadlineExceeded.
 Result<Picture> MakePicture(const RenderedImage& image, const CancelToken& cancel);
+/// The same; RenderedImage::codes are moved.
+Result<Picture> MakePicture(RenderedImage&& image, const CancelToken& cancel);
 /// The same without cancellation.
 Picture MakePicture(const RenderedImage& image);
 

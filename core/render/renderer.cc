@@ -101,12 +101,22 @@ Status Check(const RenderSpec& spec) {
   return CheckRegion(spec);
 }
 
+// Lines are drawn over light.
+bool MakesCodes(const RenderSpec& spec) {
+  return spec.as_codes && spec.mode == RenderMode::kShaded && !spec.cells_depth && !spec.edges;
+}
+
 Status MakeFilms(const Region& region, const RenderSpec& spec, const CancelToken& cancel,
                  RenderedImage* image) {
   CancelPoll poll(cancel);
   switch (image->mode) {
     case RenderMode::kShaded:
-      image->values = Film<float>(region, 4, &poll);
+      if (MakesCodes(spec)) {
+        image->values = Film<float>(region, 0, &poll);
+        image->codes = Film<std::uint8_t>(region, image->background.transparent ? 4 : 3, &poll);
+      } else {
+        image->values = Film<float>(region, 4, &poll);
+      }
       break;
     case RenderMode::kNormal:
       image->values = Film<float>(region, 3, &poll);

@@ -91,6 +91,9 @@ struct RenderSpec {
   std::optional<Region> region = std::nullopt;  ///< part of the image to render; left out: all of
                                                 ///< it. At most kMaxSide a side
   std::uint64_t seed = 0;                       ///< of the sample positions
+  /// kShaded without cells and edges: only RenderedImage::codes are wanted. They take a fifth of
+  /// the memory of light, and are made while a tile is in the cache. No effect elsewhere.
+  bool as_codes = false;
 
   // With one of these, pixels of kShaded, kNormal and kAmbientOcclusion stop by themselves, after
   // at most max_samples, and `samples` is ignored.
@@ -133,6 +136,10 @@ struct RenderedImage {
   /// the samples, 0 where all is hidden; a miss counts as 1. kCost: int32, 2
   /// channels. kPosition: double, 3 channels: NaN for a miss.
   std::variant<Film<float>, Film<std::int32_t>, Film<double>> values;
+
+  /// With RenderSpec::as_codes: the pixels of MakePicture, 3 channels, or 4 with a transparent
+  /// background. `values` then has no channels.
+  std::optional<Film<std::uint8_t>> codes;
 
   std::optional<DepthRange> depth_range;  ///< kDepth: what MakePicture shows; set by its caller
 

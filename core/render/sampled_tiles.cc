@@ -2,12 +2,14 @@
 #include "core/render/sampled_tiles.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "core/render/centre_rays.h"
 #include "core/render/pixel_filter.h"
 #include "core/render/pixel_order.h"
 #include "core/render/sampler.h"
+#include "core/render/srgb_codes.h"
 #include "core/render/store_ray.h"
 
 namespace kdray::core {
@@ -27,12 +29,7 @@ bool Differ(const FourFloats& a, const FourFloats& b) {
   return (above[0] | above[1] | above[2] | above[3]) != 0;
 }
 
-void Store(std::span<float> pixel, float r, float g, float b, float a) {
-  pixel[0] = r;
-  pixel[1] = g;
-  pixel[2] = b;
-  pixel[3] = a;
-}
+FourFloats LightOf(const Rgba& c) { return FourFloats{c.r, c.g, c.b, c.a}; }
 
 float ToFloat(double light) {
   return static_cast<float>(
@@ -79,11 +76,16 @@ SampledTiles::SampledTiles(const Scene& scene, const RenderSpec& spec, const Sam
       shader_(scene, spec, trace_options),
       lines_(lines),
       pool_(pool),
+      codes_(SrgbCodes::Table()),
       image_(image) {
   if (!image->background.transparent) {
     const Rgb linear = SrgbToLinear(image->background.color);
     background_ = {linear.r, linear.g, linear.b, 1.0f};
   }
+  const FourFloats behind = LightOf(background_);
+  std::array<float, 4> channels;
+  __builtin_memcpy(channels.data(), &behind, sizeof(behind));
+  EncodeLight<4>(codes_, channels.data(), background_codes_.data());
   background_luminance_ =
       mode_ == RenderMode::kNormal ? 0.0 : LuminanceOf(background_.r, background_.g, background_.b);
 }
@@ -164,15 +166,19 @@ Status SampledTiles::RenderCentres(const Tile& tile) const {
 
 // As WriteShaded does for the sums of one sample.
 void SampledTiles::WriteShadedCentres(const Tile& tile, const TileScratch& scratch) const {
-  Film<float>& film = std::get<Film<float>>(image_->values);
-  const FourFloats behind = {background_.r, background_.g, background_.b, background_.a};
   const Hit* hit = scratch.hits.data();
   const Vec3f* value = scratch.values.data();
   ForEachInPixelOrder(tile.width(), tile.height(), [&](int x, int y) {
-    // Never -0.
-    const FourFloats lit = FourFloats{value->x, value->y, value->z, 1} + 0.0f;
-    const FourFloats pixel = hit->IsHit() ? lit : behind;
-    __builtin_memcpy(film(tile.x0 + x, tile.y0 + y).data(), &pixel, sizeof(pixel));
+    if (hit->IsHit()) {
+      // Never -0.
+      const FourFloats lit = FourFloats{value->x, value->y, value->z, 1} + 0.0f;
+      StoreLight(lit, tile.x0 + x, tile.y0 + y);
+    } else if (image_->codes) {
+      const std::span<std::uint8_t> pixel = (*image_->codes)(tile.x0 + x, tile.y0 + y);
+      std::copy_n(background_codes_.begin(), pixel.size(), pixel.begin());
+    } else {
+      StoreLight(LightOf(background_), tile.x0 + x, tile.y0 + y);
+    }
     ++hit;
     ++value;
   });
@@ -345,7 +351,7 @@ void SampledTiles::Write(const TileSums& sums) const {
 
 void SampledTiles::WritePixel(const PixelSums& pixel, int x, int y) const {
   if (mode_ == RenderMode::kShaded) {
-    WriteShaded(pixel, std::get<Film<float>>(image_->values)(x, y));
+    WriteShaded(pixel, x, y);
   } else if (mode_ == RenderMode::kNormal) {
     WriteNormal(pixel, x, y);
   } else {
@@ -353,14 +359,31 @@ void SampledTiles::WritePixel(const PixelSums& pixel, int x, int y) const {
   }
 }
 
-void SampledTiles::WriteShaded(const PixelSums& pixel, std::span<float> values) const {
+void SampledTiles::WriteShaded(const PixelSums& pixel, int x, int y) const {
   const Vec3d mean = pixel.sum * (1.0 / pixel.samples);
   const double missed = static_cast<double>(pixel.misses) / pixel.samples;
   const auto over = [&](double light, float behind) {
     return ToFloat(light + static_cast<double>(behind) * missed);
   };
-  Store(values, over(mean.x, background_.r), over(mean.y, background_.g),
-        over(mean.z, background_.b), background_.a == 1.0f ? 1.0f : pixel.Coverage());
+  const FourFloats light = {over(mean.x, background_.r), over(mean.y, background_.g),
+                            over(mean.z, background_.b),
+                            background_.a == 1.0f ? 1.0f : pixel.Coverage()};
+  StoreLight(light, x, y);
+}
+
+void SampledTiles::StoreLight(const FourFloats& light, int x, int y) const {
+  if (!image_->codes) {
+    __builtin_memcpy(std::get<Film<float>>(image_->values)(x, y).data(), &light, sizeof(light));
+    return;
+  }
+  float channels[4];
+  __builtin_memcpy(channels, &light, sizeof(light));
+  const std::span<std::uint8_t> pixel = (*image_->codes)(x, y);
+  if (pixel.size() == 3) {
+    EncodeLight<3>(codes_, channels, pixel.data());
+  } else {
+    EncodeLight<4>(codes_, channels, pixel.data());
+  }
 }
 
 void SampledTiles::WriteNormal(const PixelSums& pixel, int x, int y) const {

@@ -3,6 +3,7 @@
 // core/render/tile_renderer.h renders the other modes; core/render/renderer.h calls both.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -10,9 +11,11 @@
 #include "core/base/cancel.h"
 #include "core/base/result.h"
 #include "core/render/camera_rays.h"
+#include "core/render/four.h"
 #include "core/render/pixel_sums.h"
 #include "core/render/renderer.h"
 #include "core/render/shader.h"
+#include "core/render/srgb_codes.h"
 #include "core/render/tile_renderer.h"
 #include "core/render/tile_scratch.h"
 
@@ -57,7 +60,8 @@ class SampledTiles {
   void WritePixel(const PixelSums& pixel, int x, int y) const;
   void FindSteps(const Tile& tile, TileScratch* scratch) const;
 
-  void WriteShaded(const PixelSums& pixel, std::span<float> values) const;
+  void WriteShaded(const PixelSums& pixel, int x, int y) const;
+  void StoreLight(const FourFloats& light, int x, int y) const;
   void WriteNormal(const PixelSums& pixel, int x, int y) const;
   void WriteOcclusion(const PixelSums& pixel, int x, int y) const;
 
@@ -71,8 +75,10 @@ class SampledTiles {
   const Shader shader_;
   const TileRenderer& lines_;
   ScratchPool* const pool_;
+  const SrgbCodes& codes_;
   RenderedImage* const image_;
   Rgba background_;  // linear; all 0 when transparent
+  std::array<std::uint8_t, 4> background_codes_;
   double background_luminance_;
 };
 

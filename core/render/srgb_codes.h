@@ -4,7 +4,10 @@
 
 #include <array>
 #include <bit>
+#include <cstddef>
 #include <cstdint>
+
+#include "core/render/color.h"
 
 namespace kdray::core {
 
@@ -37,5 +40,15 @@ class SrgbCodes {
   // it; 2^16 times the code where the whole slot has one.
   std::array<std::uint32_t, kEnd - kFirst> slots_{};
 };
+
+/// The 8-bit pixel of light, which is premultiplied red, green, blue and coverage; out has
+/// kChannels, 3 or 4, the fourth is the coverage.
+template <std::size_t kChannels>
+void EncodeLight(const SrgbCodes& code_of, const float* light, std::uint8_t* out) {
+  const float alpha = light[3];
+  const float unpremultiply = alpha == 1.0f ? 1.0f : alpha > 0.0f ? 1.0f / alpha : 0.0f;
+  for (std::size_t k = 0; k < 3; ++k) out[k] = code_of(light[k] * unpremultiply);
+  if constexpr (kChannels == 4) out[3] = ToUnorm8(alpha);
+}
 
 }  // namespace kdray::core

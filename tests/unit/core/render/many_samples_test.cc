@@ -4,13 +4,20 @@
 
 #include <cstdint>
 #include <cstring>
+#include <optional>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include "core/render/centre_rays.h"
 #include "core/render/framing.h"
+#include "core/render/picture.h"
 #include "core/render/pixel_filter.h"
 #include "core/render/pixel_order.h"
+#include "core/render/renderer.h"
 #include "core/render/sampler.h"
+#include "tests/support/scenes.h"
+#include "tests/support/shapes.h"
 
 namespace kdray::core {
 namespace {
@@ -55,6 +62,32 @@ TEST(ManySamples, PositionsAndOffsetsInVectorsAreThoseOfOneSample) {
   EXPECT_EQ(ends[1], filter.Offset(0xffffffffu));
   EXPECT_EQ(ends[2], filter.Offset(0x80000000u));
   EXPECT_EQ(ends[3], filter.Offset(0x7fffffffu));
+}
+
+TEST(ManySamples, CodesThatAreMadeTileByTileAreThoseOfTheLight) {
+  const Scene scene = test::MakeScene(test::BumpySphere({1, 2, 3}, 2, 20, 30, 0.3));
+  for (const std::optional<int> samples :
+       {std::optional(1), std::optional(5), std::optional<int>()}) {
+    for (const bool transparent : {false, true}) {
+      RenderSpec spec = {.width = 150, .height = 90, .samples = samples};
+      spec.background = Background{{0.1f, 0.5f, 0.9f}, transparent};
+      spec.region = Region{10, 3, 141, 90};
+      const RenderedImage light = *Render(scene, spec);
+      spec.as_codes = true;
+      RenderedImage codes = *Render(scene, spec);
+      EXPECT_TRUE(std::get<Film<float>>(codes.values).values().empty());
+      EXPECT_EQ(MakePicture(codes), MakePicture(light));
+      EXPECT_EQ(*MakePicture(std::move(codes), {}), MakePicture(light));
+    }
+  }
+}
+
+TEST(ManySamples, CodesAreNotMadeWhereLinesAreDrawnOrValuesAreNoLight) {
+  const Scene scene = test::MakeScene(test::BumpySphere({1, 2, 3}, 2, 20, 30, 0.3));
+  RenderSpec spec = {.width = 50, .height = 40, .cells_depth = 4, .as_codes = true};
+  EXPECT_FALSE(Render(scene, spec)->codes);
+  spec = {.width = 50, .height = 40, .mode = RenderMode::kNormal, .as_codes = true};
+  EXPECT_FALSE(Render(scene, spec)->codes);
 }
 
 }  // namespace
