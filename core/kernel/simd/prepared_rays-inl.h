@@ -44,6 +44,7 @@ struct PreparedRays {
     for (int axis = 0; axis < 3; ++axis) {
       cull->origin[axis] = origin[axis][k];
       cull->direction[axis] = direction[axis][k];
+      cull->inverse[axis] = inverse[axis][k];
       local.origin[axis] = local_origin[axis][k];
       local.direction[axis] = local_direction[axis][k];
     }
