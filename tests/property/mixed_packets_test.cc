@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// N20 for batches whose rays the kernels group anew. Every ray is answered as it is alone.
+// N20 for batches whose rays the kernels group anew: rays from a point, or to a lamp, whose
+// directions go through all octants. Every ray is answered as it is alone.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -18,6 +19,79 @@ namespace kdray::test {
 namespace {
 
 using namespace core;
+
+bool SameBits(const Hit& a, const Hit& b) {
+  const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
+  return bits(a.t) == bits(b.t) && bits(a.u) == bits(b.u) && bits(a.v) == bits(b.v) &&
+         a.primitive_id == b.primitive_id;
+}
+
+/// A camera's tiles of 8 x 8 rays that pass from one octant to another, and rows of neighbouring
+/// directions around a point: rays from it, and rays that end in it.
+std::vector<RayF> RaysAround(const Vec3f& point, std::mt19937_64& engine) {
+  std::vector<RayF> rays;
+  for (int i = 0; i < 1024; ++i) {
+    const int x = i / 64 % 4 * 8 + i % 8, y = i / 256 * 8 + i / 8 % 8;
+    rays.push_back(
+        {point,
+         0,
+         {1, (static_cast<float>(x) - 15.3F) / 200, (static_cast<float>(y) - 12.7F) / 200},
+         INFINITY});
+  }
+  constexpr int kRows = 16, kColumns = 200;
+  for (const bool from_point : {true, false}) {
+    for (int row = 0; row < kRows; ++row) {
+      for (int column = 0; column < kColumns; ++column) {
+        const double height = std::acos(1 - (2 * row + 1.0) / kRows);
+        const double turn = 2 * 3.14159265358979 * column / kColumns;
+        const double far = Uniform(engine, 0.05, 1.5);
+        const Vec3f away(Vec3d{std::sin(height) * std::cos(turn), std::sin(height) * std::sin(turn),
+                               std::cos(height)} *
+                         far);
+        const Vec3f end = point + away;
+        if (from_point) {
+          rays.push_back({point, 0, away, column % 50 == 7 ? 1.0F : INFINITY});
+        } else {
+          rays.push_back({end, 0, point - end, 1});
+        }
+      }
+    }
+  }
+  // One that is invalid, one that no packet takes, and one that ends elsewhere.
+  rays[2100].direction = {0, 0, 0};
+  rays[2700].direction = {0, 0, 1};
+  rays[rays.size() - 100].t_max = 0.5F;
+  return rays;
+}
+
+TEST(N20MixedPackets, RaysAroundAPointAnswerAsAlone) {
+  auto engine = RandomEngine(2071);
+  for (const MeshData& data :
+       {Soup(300, 0.3, 79), RoundToFloat(BumpySphere({0.5, 0.5, 0.5}, 0.6, 60, 90, 0.3)),
+        RoundToFloat(Cube({0.5, 0.5, 0.5}, 0.4))}) {
+    const Scene scene =
+        MakeScene(data, data.triangles.size() == 300 ? BuildKind::kKdSah : BuildKind::kBvh);
+    const std::vector<RayF> rays = RaysAround({0.52F, 0.47F, 0.55F}, engine);
+    const std::span<const RayF> batch(rays);
+    for (const Precision precision : kAllPrecisions) {
+      std::vector<Hit> want;
+      for (const RayF& ray : rays) {
+        want.push_back(ClosestHit(
+            scene, {Vec3d(ray.origin), ray.t_min, Vec3d(ray.direction), ray.t_max}, precision));
+      }
+      for (const TraceOptions& way : WaysToTrace(precision)) {
+        std::vector<Hit> hits(rays.size());
+        std::vector<std::uint8_t> occluded(rays.size());
+        ASSERT_TRUE(TraceClosest(scene, batch, way, hits).ok());
+        ASSERT_TRUE(TraceAny(scene, batch, way, occluded).ok());
+        for (std::size_t i = 0; i < rays.size(); ++i) {
+          ASSERT_TRUE(SameBits(hits[i], want[i])) << Describe(way) << ", ray " << i;
+          ASSERT_EQ(occluded[i] != 0, want[i].IsHit()) << Describe(way) << ", ray " << i;
+        }
+      }
+    }
+  }
+}
 
 // The places of the stream kernel are used by one ray after the other: first by rays from far away,
 // with small components along z, then by rays that begin just above a triangle.

@@ -21,6 +21,7 @@
 #include "core/kernel/simd/packet-inl.h"
 #include "core/kernel/simd/packet_gather-inl.h"
 #include "core/kernel/simd/packet_pairs-inl.h"
+#include "core/kernel/simd/rows_by_direction-inl.h"
 #include "core/kernel/simd/vectors-inl.h"
 #include "core/kernel/simd/vectors16-inl.h"
 
@@ -39,7 +40,7 @@ template <class Hits>
 class Frustum {
  public:
   explicit Frustum(const KernelJob& job)
-      : job_(job),
+      : job_(&job),
         tree_(*job.tree),
         culled_(job.filter_options.cull),
         are_doubles_(job.mesh->has_double_vertices()) {
@@ -49,11 +50,15 @@ class Frustum {
     child_ = memory_.data() + capacity_;
   }
 
-  /// Takes rows [first, first + 64) if they form such a packet.
-  bool Begin(std::size_t first) {
-    if (!rays_.Gather(job_, first)) return false;
+  /// Takes rows [first, first + 64) of a job, which differs from the constructor's in its rows at
+  /// most, if they form such a packet. The job must live until End().
+  FrustumRays::Form Begin(const KernelJob& job, std::size_t first) {
+    job_ = &job;
     first_ = first;
-    hits_.Begin(job_, rays_);
+    const FrustumRays::Form form = rays_.Gather(job, first);
+    if (form != FrustumRays::Form::kPacket) return form;
+    most_work_ = rays_.is_wide ? std::min(kMostWideWork, Hits::kMostWork) : Hits::kMostWork;
+    hits_.Begin(*job_, rays_);
     // Neighbouring packets are alike.
     if (items_ != 0) is_grouped_ = pairs_ >= kManyOnAverage * items_;
     blocks_ = items_ = pairs_ = 0;
@@ -61,14 +66,14 @@ class Frustum {
     current_ = tree_.root;
     current_enter_ = rays_.enter;
     exit_ = FindExits();
-    return true;
+    return form;
   }
 
   /// False when the packet is done, abandoned, or the job's poll has stopped. It is abandoned when
   /// it meets so many triangles that few are larger than the distance between rays; then single
   /// rays are faster.
   KDRAY_INLINE bool Step() {
-    if (job_.poll->Spend(kStepWork)) return false;
+    if (job_->poll->Spend(kStepWork)) return false;
     if ((current_ & WideChild::kLeafBit) == 0) {
       StepDown(tree_.nodes[current_]);
     } else {
@@ -94,12 +99,12 @@ class Frustum {
     if (IsTooMuchWork()) {
       hits_.alone = FrustumRays::kAll;
     } else {
-      hits_.Finish(job_, first_, rays_);
+      hits_.Finish(*job_, first_, rays_);
       if (hits_.alone == 0) return true;
     }
     for (std::size_t i = 0; i < FrustumRays::kRays; ++i) {
       if ((hits_.alone >> rays_.order->PlaceOf(i) & 1u) != 0) {
-        alone->push_back(static_cast<std::uint32_t>(RowAt(job_, first_ + i)));
+        alone->push_back(static_cast<std::uint32_t>(RowAt(*job_, first_ + i)));
       }
     }
     return !IsTooMuchWork();
@@ -109,7 +114,10 @@ class Frustum {
   // Work (CancelPoll) of a block of triangles, for the whole packet.
   static constexpr std::uint64_t kPacketBlockWork = 512;
 
-  bool IsTooMuchWork() const { return blocks_ + items_ > Hits::kMostWork; }
+  // Of a packet with a wide angle, above which it is abandoned.
+  static constexpr std::size_t kMostWideWork = 50;
+
+  bool IsTooMuchWork() const { return blocks_ + items_ > most_work_; }
 
   KDRAY_INLINE void StepDown(const WideNode& node) {
     // Planes by the octant; near planes are multiplied by the largest or the smallest reciprocal,
@@ -136,7 +144,7 @@ class Frustum {
     Store(Compress(met, near_in_order), enter_ + size_);
     Store(Compress(met, children), child_ + size_);
     const std::size_t pushed = static_cast<std::size_t>(__builtin_popcount(met));
-    if (job_.prefetch) {
+    if (job_->prefetch) {
       for (std::size_t i = size_ + pushed; i-- > size_;) PrefetchChild(tree_, child_[i]);
     }
     size_ += pushed;
@@ -167,7 +175,7 @@ class Frustum {
           TestBlock<false>(block, number, lanes, corners);
         }
       }
-      if (block.IsLast() || job_.poll->Spend(kPacketBlockWork)) break;
+      if (block.IsLast() || job_->poll->Spend(kPacketBlockWork)) break;
     }
   }
 
@@ -292,7 +300,7 @@ class Frustum {
                     std::max(group_exit_[2], group_exit_[3]));
   }
 
-  const KernelJob& job_;
+  const KernelJob* job_;
   const WideTree& tree_;
   const Cull culled_;
   const bool are_doubles_;
@@ -305,6 +313,7 @@ class Frustum {
   float current_enter_ = 0;
   float exit_ = 0;
   std::size_t first_ = 0;
+  std::size_t most_work_ = 0;
   // Of the packet: blocks that it met, items (a triangle with a group) and pairs of these.
   std::size_t blocks_ = 0, items_ = 0, pairs_ = 0;
   bool is_grouped_ = false;  // see TestBlock
@@ -337,27 +346,51 @@ void TraceFrustum(const KernelJob& job, std::size_t first, std::size_t last, Ker
   };
   if (job.tree->root != WideChild::kEmpty) {
     const auto packet = std::make_unique<Frustum<Hits>>(job);
+    using Form = FrustumRays::Form;
     // After rays that did not form a packet, or took too much work, some are skipped.
     unsigned pass_over = 0;
     unsigned next_pass = 1;
+    RowsByDirection mixed;
+    KernelJob mixed_job = job;
+    // Whether the last mixed rows became a packet that was not abandoned.
+    bool mixes = true;
     for (; first + FrustumRays::kRays <= last; first += FrustumRays::kRays) {
       if (job.poll->Spend(FrustumRays::kRays * kBeginWork)) return;
       PrefetchRows(job, first, last);
-      if (pass_over != 0 || !packet->Begin(first)) {
-        pass_over -= pass_over != 0;
+      const Form form = pass_over != 0 ? Form::kOther : packet->Begin(job, first);
+      if (form == Form::kPacket) {
+        while (packet->Step()) {
+        }
+        if (job.poll->stopped()) return;
+        if (packet->End(&others)) {
+          next_pass = 1;
+        } else {
+          pass_over = next_pass;
+          next_pass *= 4;
+        }
+        continue;
+      }
+      pass_over -= pass_over != 0;
+      if (form == Form::kOther || !mixes) {
         leave(first, first + FrustumRays::kRays);
         continue;
       }
-      while (packet->Step()) {
-      }
-      if (job.poll->stopped()) return;
-      if (packet->End(&others)) {
-        next_pass = 1;
-      } else {
-        pass_over = next_pass;
-        next_pass *= 4;
+      for (std::size_t i = first; i < first + FrustumRays::kRays; ++i) {
+        const auto rows = mixed.Add(job, static_cast<std::uint32_t>(RowAt(job, i)));
+        if (rows.empty()) continue;
+        mixed_job.rows = rows.data();
+        if (!mixes || packet->Begin(mixed_job, 0) != Form::kPacket) {
+          mixes = false;
+          others.insert(others.end(), rows.begin(), rows.end());
+          continue;
+        }
+        while (packet->Step()) {
+        }
+        if (job.poll->stopped()) return;
+        mixes = packet->End(&others);
       }
     }
+    mixed.AppendRest(&others);
   }
   leave(first, last);
   if (others.empty()) return;

@@ -72,16 +72,23 @@ struct FrustumRays {
   // Of the directions from the common origin.
   std::uint32_t octant;
   float inverse_low[3], inverse_high[3];
-  float enter;  // of the whole packet
+  float enter;   // of the whole packet
+  bool is_wide;  // its shears differ by more than kMostShear
 
   std::uint32_t axis[3];
   float shear_middle[2], shear_reach[2];
   float group_low[2][kGroups], group_high[2][kGroups];  // of `shear`
   const PacketOrder* order;
 
+  /// What 64 rows are.
+  enum class Form : std::uint8_t {
+    kPacket,
+    kMixed,  ///< their directions differ too much; others with those of some may be a packet
+    kOther
+  };
   /// Whether the 64 rays of these rows form such a packet; fills everything in if so. A common
   /// target is used only for "any", for which the direction of traversal does not matter.
-  bool Gather(const KernelJob& job, std::size_t first);
+  Form Gather(const KernelJob& job, std::size_t first);
 
   /// The triangle intersections' origins of the rays at 16 places.
   KDRAY_INLINE F16 OriginAt(std::uint32_t its_axis, const std::uint32_t* place) const {
@@ -175,7 +182,8 @@ struct FrustumRays {
     alignas(32) double origin[3][kRays], t_min[kRays], t_max[kRays];
   };
 
-  // The largest difference of two shears.
+  // The largest difference of two shears from a common origin. Towards a target there is no limit:
+  // scattered rays pass the same few triangles around it.
   static constexpr float kMostShear = 0.25f;
 
   static bool IsTile(const KernelJob& job, std::size_t first);

@@ -53,46 +53,49 @@ inline void FrustumRays::ChooseAxes(const Vec3d& d) {
 inline bool FrustumRays::MayBeTogether(const Vec3d& a, const Vec3d& b) const {
   bool together = true;
   for (int k = 0; k < 3; ++k) together &= (a[k] < 0) == (b[k] < 0);
-  constexpr double kMost = 1.01 * static_cast<double>(kMostShear);
+  const double most = shares_target ? 1 : 1.01 * static_cast<double>(kMostShear);
   const double along_a = a[static_cast<int>(axis[2])], along_b = b[static_cast<int>(axis[2])];
   for (std::size_t k = 0; k < 2; ++k) {
     const int across = static_cast<int>(axis[k]);
-    together &= std::fabs(a[across] * along_b - b[across] * along_a) <=
-                kMost * std::fabs(along_a * along_b);
+    together &=
+        std::fabs(a[across] * along_b - b[across] * along_a) <= most * std::fabs(along_a * along_b);
   }
   return together;
 }
 
-inline bool FrustumRays::Gather(const KernelJob& job, std::size_t first) {
+inline FrustumRays::Form FrustumRays::Gather(const KernelJob& job, std::size_t first) {
   // Cheap checks first: most sets of rays that do not form a packet differ in their first and last
   // ray.
   const Ray one = RayAt(job, RowAt(job, first));
   const Ray other = RayAt(job, RowAt(job, first + kRays - 1));
   shares_target = !(one.origin == other.origin);
   if (shares_target) {
-    if (job.occluded == nullptr) return false;
+    if (job.occluded == nullptr) return Form::kOther;
     const Vec3d apart =
         (one.origin + one.direction * one.t_max) - (other.origin + other.direction * other.t_max);
     // FindTarget checks more precisely.
-    if (!(MaxAbs(apart) * PowerOfTwo(-job.mesh->frame().exponent) < 0x1p-20)) return false;
+    if (!(MaxAbs(apart) * PowerOfTwo(-job.mesh->frame().exponent) < 0x1p-20)) {
+      return Form::kOther;
+    }
   }
   ChooseAxes(one.direction);
-  if (!MayBeTogether(one.direction, other.direction)) return false;
+  if (!MayBeTogether(one.direction, other.direction)) return Form::kMixed;
   order = IsTile(job, first) ? &kTiled : &kInARow;
   given_in_double_ = job.rays.floats() == nullptr;
   const bool is_watertight = job.precision == Precision::kWatertight;
   const MeshFrame& frame = job.mesh->frame();
-  if (shares_target) {
-    Given given;
-    return (given_in_double_ ? GatherDoubles(job, first, &given)
-                             : GatherFloats(job, first, &given)) &&
-           FindRanges(is_watertight) && FindTarget(frame, given);
+  Given given;
+  if (!shares_target) {
+    given_origin = D4{one.origin.x, one.origin.y, one.origin.z, 0};
+    if (!SetOrigin(frame, frame.ToLocal(one.origin))) return Form::kOther;
   }
-  given_origin = D4{one.origin.x, one.origin.y, one.origin.z, 0};
-  return SetOrigin(frame, frame.ToLocal(one.origin)) &&
-         (given_in_double_ ? GatherDoubles(job, first, nullptr)
-                           : GatherFloats(job, first, nullptr)) &&
-         FindRanges(is_watertight) && FindIntervals(job, first);
+  Given* const ends = shares_target ? &given : nullptr;
+  if (!(given_in_double_ ? GatherDoubles(job, first, ends) : GatherFloats(job, first, ends))) {
+    return Form::kOther;
+  }
+  if (!FindRanges(is_watertight)) return Form::kMixed;
+  const bool has_intervals = shares_target ? FindTarget(frame, given) : FindIntervals(job, first);
+  return has_intervals ? Form::kPacket : Form::kOther;
 }
 
 /// direction, shear and scale of float rays. What MakeLocalRay computes in double comes out the
@@ -204,6 +207,7 @@ inline bool FrustumRays::FindRanges(bool with_inverse) {
     inverse_low[k] = against ? -1 / a : 1 / b;
     inverse_high[k] = against ? -1 / b : 1 / a;
   }
+  is_wide = false;
   for (int k = 0; k < 2; ++k) {
     for (std::size_t g = 0; g < kGroups; ++g) {
       group_low[k][g] = Smallest(Load16(shear[k] + 16 * g));
@@ -211,15 +215,15 @@ inline bool FrustumRays::FindRanges(bool with_inverse) {
     }
     const float a = *std::min_element(group_low[k], group_low[k] + kGroups);
     const float b = *std::max_element(group_high[k], group_high[k] + kGroups);
-    // Packets with a wide angle would visit most of the tree.
-    if (b - a > kMostShear) return false;
+    is_wide = is_wide || b - a > kMostShear;
     shear_middle[k] = 0.5f * (a + b);
     shear_reach[k] = 0.5f * (b - a) + 0x1p-21f;
     for (std::size_t g = 0; g < kGroups; ++g) {
       Store(Load16(shear[k] + 16 * g) - Set16(shear_middle[k]), offset[k] + 16 * g);
     }
   }
-  return true;
+  // From an origin, packets with a wide angle would visit most of the tree.
+  return !is_wide || shares_target;
 }
 
 inline bool FrustumRays::FindIntervals(const KernelJob& job, std::size_t first) {
