@@ -12,6 +12,7 @@
 #include "core/intersect/closest_search.h"
 #include "core/kernel/kernel.h"
 #include "core/kernel/kernel_choice.h"
+#include "core/kernel/kernel_trial.h"
 #include "core/kernel/ray_hits.h"
 #include "core/kernel/ray_order.h"
 #include "core/kernel/scalar_search.h"
@@ -37,14 +38,15 @@ HitFilter::Options FilterOf(const TraceOptions& options) {
   return {options.cull, options.starts_on_surface, options.ends_on_surface, options.surface_offset};
 }
 
-/// Traces the job's rays, whose choice of a kernel is made. Calls traced(first, last) as
-/// TraceOptions::traced says.
+/// Traces the job's rays, whose choice of a kernel is made; by the caller if `is_given`. Calls
+/// traced(first, last) as TraceOptions::traced says.
 template <class Traced>
-void TraceInBlocks(const KernelJob& job, const Traced& traced) {
+void TraceInBlocks(const KernelJob& job, bool is_given, const Traced& traced) {
   const RayBatch& rays = job.rays;
   if (!job.sort) {
+    KernelTrial trial(job, !is_given);
     ParallelFor(0, rays.size(), kTracedRows, [&](std::size_t first, std::size_t last) {
-      TraceBlock(job, first, last);
+      trial.Trace(first, last);
       traced(first, last);
     });
     return;
@@ -109,6 +111,7 @@ Status TraceByKernel(const Scene& scene, const RayBatch& rays, const TraceOption
   job.cancel = cancel;
   job.stopped = &stopped;
   const KernelOverrides overrides{options.kernel, options.simd, options.sort};
+  const bool is_given = options.kernel.has_value();
   const auto traced = [&options](std::size_t first, std::size_t last) {
     if (options.traced) options.traced(first, last);
   };
@@ -121,11 +124,12 @@ Status TraceByKernel(const Scene& scene, const RayBatch& rays, const TraceOption
       if (piece.counts != nullptr) piece.counts += first;
       if (piece.lists.rows != nullptr) piece.lists.rows += first;
       ChooseKernel(overrides, &piece);
-      TraceInBlocks(piece, [&](std::size_t a, std::size_t b) { traced(first + a, first + b); });
+      TraceInBlocks(piece, is_given,
+                    [&](std::size_t a, std::size_t b) { traced(first + a, first + b); });
     });
   } else {
     ChooseKernel(overrides, &job);
-    TraceInBlocks(job, traced);
+    TraceInBlocks(job, is_given, traced);
   }
   if (stopped) return cancel.ToError();
   return {};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // N20 for batches whose rays the kernels group anew: rays from a point, or to a lamp, whose
-// directions go through all octants. Every ray is answered as it is alone.
+// directions go through all octants; and large batches of random rays, on which two kernels are
+// tried. Every ray is answered as it is alone.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -90,6 +91,35 @@ TEST(N20MixedPackets, RaysAroundAPointAnswerAsAlone) {
         }
       }
     }
+  }
+}
+
+TEST(N20MixedPackets, ALargeBatchOfRandomRaysAnswersAsEachKernelDoes) {
+  auto engine = RandomEngine(2072);
+  const Scene scene = MakeScene(Soup(2000, 0.2, 80), BuildKind::kBvh);
+  // So many that kernels are tried (core/kernel/kernel_trial.h).
+  const std::vector<Ray> rays =
+      RandomRays(scene.mesh->bounds(), (std::size_t{1} << 17) + 77, engine);
+  const std::span<const Ray> batch(rays);
+  for (const int threads : {1, 3}) {
+    Arena arena(threads);
+    arena.Run([&] {
+      std::vector<std::vector<Hit>> hits;
+      std::vector<std::vector<std::uint32_t>> counts;
+      const TraceOptions given = With(Precision::kWatertight);
+      TraceOptions stream = given, interleaved = given;
+      stream.kernel = KernelKind::kStream;
+      interleaved.kernel = KernelKind::kInterleaved;
+      for (const TraceOptions& way : {given, stream, interleaved}) {
+        ASSERT_TRUE(TraceClosest(scene, batch, way, hits.emplace_back(rays.size())).ok());
+        ASSERT_TRUE(TraceCount(scene, batch, way, counts.emplace_back(rays.size())).ok());
+      }
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        ASSERT_TRUE(SameBits(hits[0][i], hits[1][i]) && SameBits(hits[0][i], hits[2][i])) << i;
+      }
+      EXPECT_EQ(counts[0], counts[1]);
+      EXPECT_EQ(counts[0], counts[2]);
+    });
   }
 }
 
