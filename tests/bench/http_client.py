@@ -5,6 +5,7 @@ Asks a daemon over a loopback socket for the batches and the picture of bench_ht
 measures that they are compared with, and writes http.csv and memory.csv into the folder:
 
   total     from the first byte sent to the last byte received
+  first     the same of a request just before, after a pause of some seconds
   queue, parse, trace, encode   Server-Timing of the same requests
   echo      a plain server that takes the body and sends as many bytes as the answer has
   python    json.loads(body) and json.dumps(answer); zlib.compress(pixels, 1) for the picture
@@ -166,8 +167,9 @@ def main():
             seen = {}
             for run in range(runs):
                 for name, (path, body) in cases.items():
+                    first, _, _ = client.ask(path, body)  # after a pause, in which the measures below were taken
                     ms, head, answer = client.ask(path, body)
-                    parts = {"total": ms, **timings(head)}
+                    parts = {"total": ms, "first": first, **timings(head)}
                     parts["echo"] = echo.measure(body or b"x", len(answer))
                     if name.startswith("json") and run < 3:
                         value = json.loads(bytes(answer))

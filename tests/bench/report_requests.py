@@ -121,7 +121,7 @@ def http(folder, command):
         used, body = peak[case, threads]
         lines.append([
             case, str(threads), f"{inside[case, threads]:.1f}",
-            *(f"{value:.1f}" for value in (of("trace"), of("parse"), of("encode"), shares["socket"], of("total"))),
+            *(f"{value:.1f}" for value in (of("first"), of("total"), of("trace"), of("parse"), of("encode"), shares["socket"])),
             f"{over:.1f}", f"{of(measure):.1f} ({measure})", f"**{over / of(measure):.2f}** (at most {most})",
             f"{used / 1e6:.0f} of {body / 1e6:.0f} MB, **{used / body:.2f}** (at most {MEMORY[case.split()[0]]})" if body > 1000 else "–"])
 
@@ -144,7 +144,7 @@ def http(folder, command):
 {conditions(command)} Medians, in milliseconds. The picture's PNG has {size[0]:,.0f} bytes, {size[0] / size[1]:.2f} of what
 `zlib.compress(filtered rows, 6)` gives.
 
-{table(['', 'threads', 'in process', 'trace', 'parse', 'encode', 'rest', 'total', 'overhead', 'measure', 'ratio', 'memory'], lines)}
+{table(['', 'threads', 'in process', 'first', 'total', 'trace', 'parse', 'encode', 'rest', 'overhead', 'measure', 'ratio', 'memory'], lines)}
 
 ![Where the time of a request goes](../../docs/http.svg)
 """)
