@@ -20,7 +20,7 @@ struct RayQuery {
   const api::RayTable& rays;
   const api::RayOptions& options;
   const core::TraceOptions& trace;
-  std::size_t threads = 1;  ///< of the arena
+  std::size_t threads = 1;                           ///< of the arena
   const core::MeshAttributes* attributes = nullptr;  ///< those that the options' fields need
 };
 
