@@ -20,6 +20,7 @@ import numpy as np
 
 from brute_force import closest_hits
 from daemon import Daemon
+from prefix_proxy import PrefixProxy
 
 KDRAYD, KDRAY = sys.argv[1:3]
 
@@ -197,9 +198,12 @@ class CommandTest(unittest.TestCase):
     def test_a_wait_of_more_than_a_second_shows_its_rate_and_the_time_left(self):
         tree = self.ok("upload", self.teapot).stdout.strip()
         rays = self.path("long.npy")
-        self.ok("sample-rays", "--tree", tree, "-n", "1500000", "-o", rays)
-        wide = dict(os.environ, KDRAY_SERVER=self.daemon.url)
-        long_render = ["render", tree, "-o", self.path("long.png"), "--size", "1200x900", "--samples", "64"]
+        self.ok("sample-rays", "--tree", tree, "-n", "100000", "-o", rays)
+        # The wait is the proxy's, so it is long on a fast machine too.
+        slow = PrefixProxy(self.daemon.url, "/slow", lambda path: 0.8 if "/rays/" in path or "/render" in path else 0)
+        self.enterContext(slow)
+        wide = dict(os.environ, KDRAY_SERVER=slow.url)
+        long_render = ["render", tree, "-o", self.path("long.png"), "--size", "640x480", "--samples", "4"]
         for arguments, unit in ((["rays", tree, rays, "-o", self.path("h.npy"), "--count"], "rays"), (long_render, "pixels")):
             main_end, terminal = pty.openpty()
             process = subprocess.Popen([KDRAY, *arguments], stderr=terminal, env=wide)
