@@ -162,6 +162,7 @@ void CellLines::FillBins(CancelPoll* poll) {
 Status CellLines::Draw(const Tile& tile, std::span<const Hit> hits, int samples,
                        std::span<float> opacity, const CancelToken& cancel) const {
   CancelPoll poll(cancel);
+  if (poll.Spend(kRowWork)) return poll.ToError();
   std::fill(opacity.begin(), opacity.end(), 0.0f);
   const int last_row = (tile.y1 - 1 - region_.y0) / bins_.side;
   const int last_column = (tile.x1 - 1 - region_.x0) / bins_.side;

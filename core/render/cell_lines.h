@@ -32,8 +32,8 @@ struct LineStyle {
 /// opaque line wins. Immutable, so safe from many threads at once.
 class CellLines {
  public:
-  /// Edges of `cells` (world units) as seen by the camera within `region`. Must not be used after
-  /// `cancel` has stopped.
+  /// Edges of `cells` (world units) as seen by the camera within `region`. Once `cancel` has
+  /// stopped they may be incomplete; Draw() with the same token then returns its error.
   CellLines(std::span<const TreeCell> cells, const Camera& camera, const Region& region,
             const LineStyle& style = {}, const CancelToken& cancel = {});
 

@@ -235,6 +235,20 @@ TEST(CancelledPicture, LinesOfManyCellsInOneTileEnd) {
                "CellLines");
 }
 
+TEST(CancelledPicture, LinesThatWereCutShortAreNotDrawn) {
+  const std::vector<core::TreeCell> cells = {{.bounds = {{-1, -1, -1}, {1, 1, 1}}, .triangles = 1}};
+  const core::Camera camera = *core::ResolveCamera({}, cells[0].bounds, 64, 64);
+  const core::Region region = {0, 0, 64, 64};
+  const CancelToken token = CancelToken::Cancellable();
+  token.Cancel();
+  const core::CellLines lines(cells, camera, region, {}, token);
+  std::vector<float> opacity(region.pixel_count());
+  const std::vector<core::Hit> hits(region.pixel_count());
+  const Status status = lines.Draw(region, hits, 1, opacity, token);
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(status.error().code, core::ErrorCode::kCancelled);
+}
+
 TEST(CancelledRender, EndsBeforeTheFirstRayOfALargeImage) {
   const Scene scene = test::MakeScene(test::Cube({0, 0, 0}, 1));
   core::RenderSpec spec;
