@@ -65,7 +65,7 @@ std::optional<AutoChoice> GetChoice(CheckedReader* reader) {
   AutoChoice choice;
   choice.overlap = reader->Get<double>();
   if (GetBool(reader)) {
-    choice.costs.emplace();
+    choice.costs = AutoChoice::Costs();
     choice.costs->bvh = reader->Get<double>();
     choice.costs->kd_sah = reader->Get<double>();
   }
