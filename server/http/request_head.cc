@@ -119,7 +119,8 @@ class HeadParser {
         return std::nullopt;
       }
     }
-    if (!target.starts_with('/') && target != "*") {
+    // Asterisk-form (RFC 9112, 3.2.4) is for the server as a whole, and for OPTIONS alone.
+    if (!target.starts_with('/') && !(target == "*" && head_.method == "OPTIONS")) {
       return Malformed("the request target must begin with '/'");
     }
     const auto question = target.find('?');

@@ -52,6 +52,15 @@ TEST(RequestHead, CutsAnAbsoluteTargetDownToItsPath) {
   EXPECT_EQ(Accepted("GET HTTP://h?q HTTP/1.1\r\nHost: h\r\n\r\n").query_string, "q");
 }
 
+TEST(RequestHead, TakesAnAsteriskFromOptionsAlone) {
+  EXPECT_EQ(Accepted("OPTIONS * HTTP/1.1\r\nHost: h\r\n\r\n").path, "*");
+  for (const char* method : {"GET", "HEAD", "POST", "options"}) {
+    EXPECT_EQ(Refusal(std::string(method) + " * HTTP/1.1\r\nHost: h\r\n\r\n"),
+              ErrorCode::kMalformedRequest)
+        << method;
+  }
+}
+
 TEST(RequestHead, ReadsTheLengthOfTheBody) {
   EXPECT_EQ(Accepted(WithLines("")).content_length, 0U);
   EXPECT_EQ(Accepted(WithLines("Content-Length: 0\r\n", "GET")).content_length, 0U);
