@@ -177,9 +177,10 @@ struct FrustumRays {
   }
 
  private:
-  // Each ray as given.
+  // The rays as given, by place, but for their directions.
+  template <class Number>
   struct Given {
-    alignas(32) double origin[3][kRays], t_min[kRays], t_max[kRays];
+    alignas(64) Number origin[3][kRays], t_min[kRays], t_max[kRays];
   };
 
   // The largest difference of two shears from a common origin. Towards a target there is no limit:
@@ -190,15 +191,17 @@ struct FrustumRays {
   bool MayBeTogether(const Vec3d& a, const Vec3d& b) const;
   bool SetOrigin(const MeshFrame& frame, const Vec3d& local);
   void ChooseAxes(const Vec3d& d);
-  bool GatherFloats(const KernelJob& job, std::size_t first, Given* given);
-  bool GatherDoubles(const KernelJob& job, std::size_t first, Given* given);
+  Form GatherFloats(const KernelJob& job, std::size_t first);
+  Form GatherDoubles(const KernelJob& job, std::size_t first, Given<double>* given);
+  void GatherEnds(const KernelJob& job, std::size_t first, Given<float>* given) const;
   bool FindRanges(bool with_inverse);
   bool FindIntervals(const KernelJob& job, std::size_t first);
-  bool FindTarget(const MeshFrame& frame, const Given& given);
+  template <class Number>
+  bool FindTarget(const MeshFrame& frame, const Given<Number>& given);
 
   bool given_in_double_;
   bool whole_lines_;  // t from 0 to infinity
-  alignas(32) double direction_double_[3][kRays];
+  alignas(64) double direction_double_[3][kRays];
 };
 
 KDRAY_INLINE std::size_t RowAt(const KernelJob& job, std::size_t i) {

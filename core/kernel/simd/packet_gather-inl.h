@@ -82,50 +82,59 @@ inline FrustumRays::Form FrustumRays::Gather(const KernelJob& job, std::size_t f
   if (!MayBeTogether(one.direction, other.direction)) return Form::kMixed;
   order = IsTile(job, first) ? &kTiled : &kInARow;
   given_in_double_ = job.rays.floats() == nullptr;
-  const bool is_watertight = job.precision == Precision::kWatertight;
   const MeshFrame& frame = job.mesh->frame();
-  Given given;
   if (!shares_target) {
     given_origin = D4{one.origin.x, one.origin.y, one.origin.z, 0};
     if (!SetOrigin(frame, frame.ToLocal(one.origin))) return Form::kOther;
   }
-  Given* const ends = shares_target ? &given : nullptr;
-  if (!(given_in_double_ ? GatherDoubles(job, first, ends) : GatherFloats(job, first, ends))) {
-    return Form::kOther;
+  Given<double> doubles;
+  const Form form = given_in_double_ ? GatherDoubles(job, first, shares_target ? &doubles : nullptr)
+                                     : GatherFloats(job, first);
+  if (form != Form::kPacket) return form;
+  if (!FindRanges(job.precision == Precision::kWatertight)) return Form::kMixed;
+  bool has_intervals;
+  if (!shares_target) {
+    has_intervals = FindIntervals(job, first);
+  } else if (given_in_double_) {
+    has_intervals = FindTarget(frame, doubles);
+  } else {
+    Given<float> floats;
+    GatherEnds(job, first, &floats);
+    has_intervals = FindTarget(frame, floats);
   }
-  if (!FindRanges(is_watertight)) return Form::kMixed;
-  const bool has_intervals = shares_target ? FindTarget(frame, given) : FindIntervals(job, first);
   return has_intervals ? Form::kPacket : Form::kOther;
 }
 
 /// direction, shear and scale of float rays. What MakeLocalRay computes in double comes out the
 /// same in float: the scaling is exact, and a quotient of floats that is rounded to double and then
 /// to float is the rounded quotient (Figueroa 1995, 53 >= 2 * 24 + 2).
-inline bool FrustumRays::GatherFloats(const KernelJob& job, std::size_t first, Given* given) {
+inline FrustumRays::Form FrustumRays::GatherFloats(const KernelJob& job, std::size_t first) {
   const RayF* rays = job.rays.floats();
   const RayF& one = rays[RowAt(job, first)];
-  U4 first_origin, differs = {};
+  U4 first_origin, differs = {}, any_sign = {};
+  U4 every_sign = {~0u, ~0u, ~0u, ~0u};
   __builtin_memcpy(&first_origin, &one.origin, sizeof(first_origin));
   for (std::size_t i = 0; i < kRays; i += 4) {
-    F4 from[4], ray[4];
+    F4 ray[4];
     for (std::size_t k = 0; k < 4; ++k) {
       const RayF& row = rays[RowAt(job, first + i + k)];
-      __builtin_memcpy(&from[k], &row.origin, sizeof(from[k]));
       __builtin_memcpy(&ray[k], &row.direction, sizeof(ray[k]));
-      differs |= U4(from[k]) ^ first_origin;
+      any_sign |= U4(ray[k]);
+      every_sign &= U4(ray[k]);
+      if (shares_target) continue;
+      U4 from;
+      __builtin_memcpy(&from, &row.origin, sizeof(from));
+      differs |= from ^ first_origin;
     }
     const std::size_t place = order->place_of_four[i / 4];
-    // The fourths are t_min and t_max.
+    // The fourths are t_max.
     Transpose4(ray);
     for (int k = 0; k < 3; ++k) StoreF4(ray[k], direction[k] + place);
     StoreF4(ray[3], s_max + place);
-    if (given == nullptr) continue;
-    Transpose4(from);
-    for (int k = 0; k < 3; ++k) Store(Widen(from[k]), given->origin[k] + place);
-    Store(Widen(from[3]), given->t_min + place);
-    Store(Widen(ray[3]), given->t_max + place);
   }
-  if (given == nullptr && (differs[0] | differs[1] | differs[2]) != 0) return false;
+  if (!shares_target && (differs[0] | differs[1] | differs[2]) != 0) return Form::kOther;
+  const U4 mixed = any_sign ^ every_sign;
+  if (((mixed[0] | mixed[1] | mixed[2]) >> 31) != 0) return Form::kMixed;
   unsigned usual = 0xffu;
   unsigned unbounded = 0xffu;
   for (std::size_t i = 0; i < kRays; i += 8) {
@@ -139,17 +148,37 @@ inline bool FrustumRays::GatherFloats(const KernelJob& job, std::size_t first, G
     for (int k = 0; k < 2; ++k)
       Store(Load(direction[axis[k]] + i) / (along * to_local), shear[k] + i);
   }
-  whole_lines_ = differs[3] == 0 && one.t_min == 0 && unbounded == 0xffu;
-  return usual == 0xffu;
+  whole_lines_ = !shares_target && differs[3] == 0 && one.t_min == 0 && unbounded == 0xffu;
+  return usual == 0xffu ? Form::kPacket : Form::kOther;
 }
 
-inline bool FrustumRays::GatherDoubles(const KernelJob& job, std::size_t first, Given* given) {
+inline void FrustumRays::GatherEnds(const KernelJob& job, std::size_t first,
+                                    Given<float>* given) const {
+  const RayF* rays = job.rays.floats();
+  for (std::size_t i = 0; i < kRays; i += 4) {
+    F4 from[4], ray[4];
+    for (std::size_t k = 0; k < 4; ++k) {
+      const RayF& row = rays[RowAt(job, first + i + k)];
+      __builtin_memcpy(&from[k], &row.origin, sizeof(from[k]));
+      __builtin_memcpy(&ray[k], &row.direction, sizeof(ray[k]));
+    }
+    const std::size_t place = order->place_of_four[i / 4];
+    Transpose4(from);
+    for (int k = 0; k < 3; ++k) StoreF4(from[k], given->origin[k] + place);
+    StoreF4(from[3], given->t_min + place);
+    Transpose4(ray);
+    StoreF4(ray[3], given->t_max + place);
+  }
+}
+
+inline FrustumRays::Form FrustumRays::GatherDoubles(const KernelJob& job, std::size_t first,
+                                                    Given<double>* given) {
   const Ray* rays = job.rays.doubles();
   const Ray& one = rays[RowAt(job, first)];
   whole_lines_ = true;
   for (std::size_t i = 0; i < kRays; ++i) {
     const Ray& ray = rays[RowAt(job, first + i)];
-    if (given == nullptr && !(ray.origin == one.origin)) return false;
+    if (given == nullptr && !(ray.origin == one.origin)) return Form::kOther;
     const std::size_t place = order->PlaceOf(i);
     if (given != nullptr) {
       for (int k = 0; k < 3; ++k) given->origin[k][place] = ray.origin[k];
@@ -174,7 +203,7 @@ inline bool FrustumRays::GatherDoubles(const KernelJob& job, std::size_t first, 
       StoreF4(Narrow(Load4(direction_double_[axis[k]] + i) / (along * to_local)), shear[k] + i);
     }
   }
-  return usual == 0xfu;
+  return usual == 0xfu ? Form::kPacket : Form::kOther;
 }
 
 /// False unless all rays have one octant, one largest axis by more than rounding, no component that
@@ -260,40 +289,46 @@ inline bool FrustumRays::FindIntervals(const KernelJob& job, std::size_t first) 
 /// Whether all rays end at one point, within the margins of culls: box tests here have errors below
 /// 17 * 2^-24, of the 32 that kWidePad allows; rectangles include it in their margins; edge
 /// functions have their slack.
-inline bool FrustumRays::FindTarget(const MeshFrame& frame, const Given& given) {
+template <class Number>
+bool FrustumRays::FindTarget(const MeshFrame& frame, const Given<Number>& given) {
   constexpr double kApart = 0x1p-21;
   const FrameVectors vectors(frame);
   if (vectors.scale == 0) return false;
   frame_scale = PowerOfTwo(frame.exponent);
   whole_lines_ = false;
-  D4 target[3];
-  D4 largest = Set4(0);
-  unsigned usual = 0xfu;
-  for (std::size_t i = 0; i < kRays; i += 4) {
+  double target[3];
+  D8 largest = SetD8(0);
+  L8 usual = L8(SetD8(0)) - 1;
+  for (std::size_t i = 0; i < kRays; i += 8) {
     // Of a power of two, by its bits.
-    const D4 to_caller = Widen4(scale + i) * Set4(frame_scale);
-    const D4 to_local = D4(0x7fe0000000000000 - L4(to_caller));
-    const D4 low = Load4(given.t_min + i) * to_local;
-    const D4 high = Load4(given.t_max + i) * to_local;
-    StoreF4(Narrow(low), s_min + i);
-    StoreF4(Narrow(high), s_max + i);
+    const D8 to_caller = LoadD8(scale + i) * SetD8(frame_scale);
+    const D8 to_local = D8(0x7fe0000000000000 - L8(to_caller));
+    const D8 low = LoadD8(given.t_min + i) * to_local;
+    const D8 high = LoadD8(given.t_max + i) * to_local;
+    Store(Narrow(low), s_min + i);
+    Store(Narrow(high), s_max + i);
     // Only numbers that floats represent, without infinity.
-    usual &= Bits(L4(Widen4(s_min + i) == low)) & Bits(L4(Widen4(s_max + i) == high)) &
-             Bits(L4(low <= high)) & Bits(L4(Abs(low) <= Set4(0x1p20))) &
-             Bits(L4(Abs(high) <= Set4(0x1p20)));
-    StoreF4(Narrow((high - low) * Set4(1 + 0x1p-20) + Set4(0x1p-19)), exit + i);
+    usual &= L8(__builtin_convertvector(Narrow(low), D8) == low) &
+             L8(__builtin_convertvector(Narrow(high), D8) == high) & L8(low <= high) &
+             L8(Abs(low) <= SetD8(0x1p20)) & L8(Abs(high) <= SetD8(0x1p20));
+    Store(Narrow((high - low) * SetD8(1 + 0x1p-20) + SetD8(0x1p-19)), exit + i);
     for (std::size_t k = 0; k < 3; ++k) {
-      const D4 local = (Load4(given.origin[k] + i) - Set4(vectors.origin[k])) * Set4(vectors.scale);
-      StoreF4(Narrow(local), own_origin[k] + i);
+      const D8 local =
+          (LoadD8(given.origin[k] + i) - SetD8(vectors.origin[k])) * SetD8(vectors.scale);
+      Store(Narrow(local), own_origin[k] + i);
       largest = Max(largest, Abs(local));
-      const D4 end = local + DoubleDirectionAt(k, i) * high;
-      if (i == 0) target[k] = Set4(end[0]);
-      usual &= Bits(L4(Abs(local) <= Set4(4))) & Bits(L4(Abs(end - target[k]) <= Set4(kApart)));
+      const D8 along =
+          given_in_double_ ? LoadD8(direction_double_[k] + i) : LoadD8(direction[k] + i);
+      const D8 end = local + along * high;
+      if (i == 0) target[k] = end[0];
+      usual &= L8(Abs(local) <= SetD8(4)) & L8(Abs(end - SetD8(target[k])) <= SetD8(kApart));
     }
   }
   enter = -0x1p-19f;
-  if (usual != 0xfu || !SetOrigin(frame, {target[0][0], target[1][0], target[2][0]})) return false;
-  origin_size = FloatAbove(std::max({largest[0], largest[1], largest[2], largest[3]}));
+  if (!AreAll(usual) || !SetOrigin(frame, {target[0], target[1], target[2]})) return false;
+  double size = largest[0];
+  for (int k = 1; k < 8; ++k) size = std::max(size, largest[k]);
+  origin_size = FloatAbove(size);
   return true;
 }
 
