@@ -327,11 +327,15 @@ inline void PrefetchRows(const KernelJob& job, std::size_t first, std::size_t la
   for (std::size_t i = first; job.hits != nullptr && i < first + FrustumRays::kRays; i += 2) {
     __builtin_prefetch(&job.hits[RowAt(job, i)], 1);
   }
+  // One row more: the last one may end on a line of its own.
   for (std::size_t i = first + FrustumRays::kRays;
-       i < std::min(last, first + 2 * FrustumRays::kRays); i += 2) {
+       i < std::min(last, first + 2 * FrustumRays::kRays + 1); i += 2) {
     job.rays.Prefetch(RowAt(job, i));
   }
 }
+
+/// A packet costs as much as some 16 rays alone, so that many are worth filling one with copies.
+constexpr std::size_t kWorthFilling = 16;
 
 /// Traces packets of 64 where possible, the other rays by `rest`.
 template <class Hits>
@@ -354,6 +358,19 @@ void TraceFrustum(const KernelJob& job, std::size_t first, std::size_t last, Ker
     KernelJob mixed_job = job;
     // Whether the last mixed rows became a packet that was not abandoned.
     bool mixes = true;
+    bool all_kept = true;  // no packet was abandoned
+    const auto trace_mixed = [&](std::span<const std::uint32_t> rows) {
+      mixed_job.rows = rows.data();
+      if (!mixes || packet->Begin(mixed_job, 0) != Form::kPacket) {
+        all_kept = mixes = false;
+        others.insert(others.end(), rows.begin(), rows.end());
+        return;
+      }
+      while (packet->Step()) {
+      }
+      mixes = packet->End(&others);
+      all_kept &= mixes;
+    };
     for (; first + FrustumRays::kRays <= last; first += FrustumRays::kRays) {
       if (job.poll->Spend(FrustumRays::kRays * kBeginWork)) return;
       PrefetchRows(job, first, last);
@@ -365,6 +382,7 @@ void TraceFrustum(const KernelJob& job, std::size_t first, std::size_t last, Ker
         if (packet->End(&others)) {
           next_pass = 1;
         } else {
+          all_kept = false;
           pass_over = next_pass;
           next_pass *= 4;
         }
@@ -378,19 +396,19 @@ void TraceFrustum(const KernelJob& job, std::size_t first, std::size_t last, Ker
       for (std::size_t i = first; i < first + FrustumRays::kRays; ++i) {
         const auto rows = mixed.Add(job, static_cast<std::uint32_t>(RowAt(job, i)));
         if (rows.empty()) continue;
-        mixed_job.rows = rows.data();
-        if (!mixes || packet->Begin(mixed_job, 0) != Form::kPacket) {
-          mixes = false;
-          others.insert(others.end(), rows.begin(), rows.end());
-          continue;
-        }
-        while (packet->Step()) {
-        }
+        trace_mixed(rows);
         if (job.poll->stopped()) return;
-        mixes = packet->End(&others);
       }
     }
-    mixed.AppendRest(&others);
+    for (std::size_t kind = 0; kind < RowsByDirection::kKinds; ++kind) {
+      const std::span<std::uint32_t> left = mixed.Rest(kind);
+      if (!all_kept || left.size() < kWorthFilling) {
+        others.insert(others.end(), left.begin(), left.end());
+      } else {
+        trace_mixed(mixed.Filled(kind));
+        if (job.poll->stopped()) return;
+      }
+    }
   }
   leave(first, last);
   if (others.empty()) return;

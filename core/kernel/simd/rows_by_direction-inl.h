@@ -4,11 +4,12 @@
 // row are no packet, but those of several such rows are a few.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <span>
-#include <vector>
 
 #include "core/kernel/kernel.h"
 #include "core/kernel/simd/isa.h"
@@ -20,6 +21,8 @@ namespace kdray::core::KDRAY_ISA {
 
 class RowsByDirection {
  public:
+  static constexpr std::size_t kKinds = 24;
+
   /// Adds a row. If there are 64 like it now, returns and forgets them; they stay as they are until
   /// the next call. Else returns an empty span.
   std::span<const std::uint32_t> Add(const KernelJob& job, std::uint32_t row) {
@@ -31,9 +34,13 @@ class RowsByDirection {
     kind.size = 0;
     return kind.row;
   }
-  /// Appends all rows that Add() has not returned.
-  void AppendRest(std::vector<std::uint32_t>* rows) const {
-    for (const Kind& kind : kinds_) rows->insert(rows->end(), kind.row, kind.row + kind.size);
+  /// The rows of a kind that Add() has not returned.
+  std::span<std::uint32_t> Rest(std::size_t kind) { return {kinds_[kind].row, kinds_[kind].size}; }
+  /// Those, at least one, and copies of the last one: 64.
+  std::span<const std::uint32_t> Filled(std::size_t kind) {
+    Kind& filled = kinds_[kind];
+    std::fill(filled.row + filled.size, std::end(filled.row), filled.row[filled.size - 1]);
+    return filled.row;
   }
 
  private:
@@ -50,7 +57,7 @@ class RowsByDirection {
            static_cast<std::size_t>(d.y < 0) << 1 | static_cast<std::size_t>(d.z < 0);
   }
 
-  Kind kinds_[24];
+  Kind kinds_[kKinds];
 };
 
 }  // namespace kdray::core::KDRAY_ISA
