@@ -300,6 +300,64 @@ TEST(N20SameBytes, OriginsOnTheSurfaceChangeNoBitAndGiveNoNegativeZero) {
   }
 }
 
+/// Triangles around, beside and behind an eye, whose planes pass it at distances down to none.
+MeshData PlanesPastAnEye(const Vec3d& eye, std::mt19937_64& engine) {
+  MeshData data;
+  const auto any = [&] {
+    return Vec3d{Uniform(engine, -1, 1), Uniform(engine, -1, 1), Uniform(engine, -1, 1)};
+  };
+  for (int i = 0; i < 96; ++i) {
+    const Vec3d normal = Normalized(any());
+    const int bits = i % 8 * 4;
+    const double distance = bits == 28 ? 0 : std::ldexp(i % 16 < 8 ? 0.5 : -0.5, -bits);
+    const double size = std::ldexp(1.0, -(i / 16));
+    const auto first = static_cast<std::uint32_t>(data.vertices.size());
+    for (int c = 0; c < 3; ++c) {
+      data.vertices.push_back(eye + normal * distance + Cross(normal, any()) * size);
+    }
+    data.triangles.push_back({first, first + 1, first + 2});
+  }
+  return RoundToFloat(std::move(data));
+}
+
+TEST(N20SameBytes, TrianglesAroundAndBehindAnEyeChangeNoBit) {
+  auto engine = RandomEngine(2081);
+  const Vec3f eye{0.25F, -0.5F, 0.125F};
+  const Scene scene = MakeScene(PlanesPastAnEye(Vec3d(eye), engine), BuildKind::kBvh);
+  std::vector<RayF> rays;
+  for (int packet = 0; packet < 48; ++packet) {
+    const auto any = [&](double size) {
+      return Vec3f(Vec3d{Uniform(engine, -size, size), Uniform(engine, -size, size),
+                         Uniform(engine, -size, size)});
+    };
+    const Vec3f direction = any(1), right = any(0.02), up = any(0.02);
+    const float t_min = packet % 4 == 2 ? -1.0F : 0.0F;
+    for (int i = 0; i < 64; ++i) {
+      const Vec3f d =
+          direction + right * static_cast<float>(i % 8) + up * static_cast<float>(i / 8);
+      const Vec3f start = eye + d * 1.5F;
+      rays.push_back(packet % 2 == 0 ? RayF{eye, t_min, d, INFINITY}
+                                     : RayF{start, 0, eye - start, 1});
+    }
+  }
+  const std::vector<Ray> wide = Widened(rays);
+  for (const Precision precision : kAllPrecisions) {
+    Answers want;
+    for (const Ray& ray : wide) {
+      want.hits.push_back(BruteForceClosest(*scene.mesh, ray, precision));
+      want.occluded.push_back(want.hits.back().IsHit() ? 1 : 0);
+    }
+    for (const TraceOptions& way : WaysToTrace(precision)) {
+      const Answers got = Trace(scene, rays, way, rays.size());
+      ASSERT_TRUE(SameBits(got.hits, want.hits)) << Describe(way);
+      ASSERT_EQ(got.occluded, want.occluded) << Describe(way);
+      const Answers of_doubles = Trace(scene, wide, way, wide.size());
+      ASSERT_TRUE(SameBits(of_doubles.hits, want.hits)) << Describe(way);
+      ASSERT_EQ(of_doubles.occluded, want.occluded) << Describe(way);
+    }
+  }
+}
+
 TEST(N20SameBytes, BuildThreadsBatchAndKernelChangeNoBit) {
   for (const MeshData& data : Meshes()) {
     const ClosedMesh mesh = MakeClosedMesh("mesh", data);

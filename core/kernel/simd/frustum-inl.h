@@ -188,13 +188,15 @@ class Frustum {
     constexpr std::size_t kLanes = LeafBlock::kWidth;
     alignas(64) std::uint32_t items[kGroups * kLanes + kLanes];  // group times 8 and lane
     std::size_t item_count = 0;
+    const FrustumEdges edges(rays_, corners);
     for (std::uint32_t g = 0; g < kGroups; ++g) {
+      unsigned met = lanes.of[g];
+      if ((met & lanes.without) != 0) met &= ~lanes.without | edges.Lanes(rays_, g);
       const I8 item = SetI8(kLanes * g) + I8{0, 1, 2, 3, 4, 5, 6, 7};
-      Store(Compress(lanes.of[g], item), items + item_count);
-      item_count += static_cast<std::size_t>(__builtin_popcount(lanes.of[g]));
+      Store(Compress(met, item), items + item_count);
+      item_count += static_cast<std::size_t>(__builtin_popcount(met));
     }
     items_ += item_count;
-    const FrustumEdges edges(rays_, corners);
     const typename Hits::Bounds bounds(rays_, corners);
     alignas(64) std::uint32_t place[FrustumRays::kRays * kLanes + 16];
     alignas(64) std::uint32_t lane[FrustumRays::kRays * kLanes + 16];

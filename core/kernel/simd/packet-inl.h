@@ -72,8 +72,10 @@ struct FrustumRays {
   // Of the directions from the common origin.
   std::uint32_t octant;
   float inverse_low[3], inverse_high[3];
-  float enter;   // of the whole packet
-  bool is_wide;  // its shears differ by more than kMostShear
+  float ahead;            // 1 or -1: the sign of the directions along axis[2]
+  float enter;            // of the whole packet
+  bool begins_at_origin;  // no ray begins before it, so none meets what lies behind
+  bool is_wide;           // its shears differ by more than kMostShear
 
   std::uint32_t axis[3];
   float shear_middle[2], shear_reach[2];

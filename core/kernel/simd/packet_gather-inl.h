@@ -102,6 +102,8 @@ inline FrustumRays::Form FrustumRays::Gather(const KernelJob& job, std::size_t f
     GatherEnds(job, first, &floats);
     has_intervals = FindTarget(frame, floats);
   }
+  ahead = (octant >> axis[2] & 1u) != 0 ? -1.0f : 1.0f;
+  begins_at_origin = enter >= -0x1p-18f;
   return has_intervals ? Form::kPacket : Form::kOther;
 }
 

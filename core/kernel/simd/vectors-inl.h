@@ -150,6 +150,17 @@ KDRAY_INLINE unsigned EqualLanes(I8 a, I8 b) {
 #endif
 }
 
+/// `a` in the lanes of set bits, `b` in the others.
+KDRAY_INLINE F8 Select(unsigned bits, F8 a, F8 b) {
+#if defined(KDRAY_ISA_AVX512)
+  return F8(_mm256_mask_blend_ps(static_cast<__mmask8>(bits), __m256(b), __m256(a)));
+#else
+  const I8 lane = {1, 2, 4, 8, 16, 32, 64, 128};
+  const S8 mask = S8((SetI8(bits) & lane) == lane);
+  return mask ? a : b;
+#endif
+}
+
 // ---- Compress: the lanes whose bits are set, moved down; the others' places hold anything ----
 
 #if defined(KDRAY_ISA_AVX512)

@@ -118,15 +118,6 @@ KDRAY_INLINE M16 NotEqual(F16 a, F16 b) {
 KDRAY_INLINE M16 operator&(M16 a, M16 b) { return {a.low & b.low, a.high & b.high}; }
 KDRAY_INLINE M16 operator|(M16 a, M16 b) { return {a.low | b.low, a.high | b.high}; }
 KDRAY_INLINE unsigned Bits(M16 m) { return Bits(m.low) | Bits(m.high) << 8; }
-KDRAY_INLINE F8 Select(unsigned bits, F8 a, F8 b) {
-#if defined(KDRAY_ISA_AVX512)
-  return F8(_mm256_mask_blend_ps(static_cast<__mmask8>(bits), __m256(b), __m256(a)));
-#else
-  const I8 lane = {1, 2, 4, 8, 16, 32, 64, 128};
-  const S8 mask = S8((SetI8(bits) & lane) == lane);
-  return mask ? a : b;
-#endif
-}
 KDRAY_INLINE F16 Select(unsigned bits, F16 a, F16 b) {
   return {Select(bits & 255u, a.low, b.low), Select(bits >> 8, a.high, b.high)};
 }
