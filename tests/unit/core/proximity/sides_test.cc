@@ -224,7 +224,7 @@ TEST(Sides, StopSoonAfterTheyAreCancelled) {
   const MeshData data = test::IcoSphere({0, 0, 0}, 1, 6);
   const Scene scene = SceneOf(data);
   auto engine = test::RandomEngine(3205);
-  const std::vector<Vec3d> points = PointsIn({0, 0, 0}, 0.9, 300'000, engine);
+  const std::vector<Vec3d> points = PointsIn({0, 0, 0}, 0.9, 3'000'000, engine);
   std::vector<Side> sides(points.size());
   for (const int after : {5, 100}) {
     const auto call = test::CancelDuring(std::chrono::milliseconds(after), [&](CancelToken token) {
