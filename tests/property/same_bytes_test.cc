@@ -91,6 +91,20 @@ std::vector<Ray> Widened(const std::vector<RayF>& rays) {
   return wide;
 }
 
+/// The rays have these answers with every kernel on every level, as floats and as doubles.
+void ExpectInEveryWay(const Scene& scene, const std::vector<RayF>& rays, Precision precision,
+                      const Answers& want) {
+  const std::vector<Ray> wide = Widened(rays);
+  for (const TraceOptions& way : WaysToTrace(precision)) {
+    const Answers got = Trace(scene, rays, way, rays.size());
+    ASSERT_TRUE(SameBits(got.hits, want.hits)) << Describe(way);
+    ASSERT_EQ(got.occluded, want.occluded) << Describe(way);
+    const Answers of_doubles = Trace(scene, wide, way, wide.size());
+    ASSERT_TRUE(SameBits(of_doubles.hits, want.hits)) << Describe(way);
+    ASSERT_EQ(of_doubles.occluded, want.occluded) << Describe(way);
+  }
+}
+
 std::vector<MeshData> Meshes() {
   return {RoundToFloat(BumpySphere({0.3, -0.2, 0.1}, 1, 16, 24, 0.3)),
           UvSphere({448'251.25, 5'411'932.5, 122.75}, 10, 12, 20), Cube({0.5, 0.5, 0.5}, 0.5)};
@@ -199,14 +213,7 @@ TEST(N20SameBytes, APacketAnswersAsItsRaysAloneDo) {
         want.hits.push_back(ClosestHit(scene, ray, precision));
         want.occluded.push_back(want.hits.back().IsHit() ? 1 : 0);
       }
-      for (const TraceOptions& way : WaysToTrace(precision)) {
-        const Answers got = Trace(scene, rays, way, rays.size());
-        ASSERT_TRUE(SameBits(got.hits, want.hits)) << Describe(way);
-        ASSERT_EQ(got.occluded, want.occluded) << Describe(way);
-        const Answers of_doubles = Trace(scene, wide, way, wide.size());
-        ASSERT_TRUE(SameBits(of_doubles.hits, want.hits)) << Describe(way);
-        ASSERT_EQ(of_doubles.occluded, want.occluded) << Describe(way);
-      }
+      ASSERT_NO_FATAL_FAILURE(ExpectInEveryWay(scene, rays, precision, want));
     }
   }
 }
@@ -347,14 +354,7 @@ TEST(N20SameBytes, TrianglesAroundAndBehindAnEyeChangeNoBit) {
       want.hits.push_back(BruteForceClosest(*scene.mesh, ray, precision));
       want.occluded.push_back(want.hits.back().IsHit() ? 1 : 0);
     }
-    for (const TraceOptions& way : WaysToTrace(precision)) {
-      const Answers got = Trace(scene, rays, way, rays.size());
-      ASSERT_TRUE(SameBits(got.hits, want.hits)) << Describe(way);
-      ASSERT_EQ(got.occluded, want.occluded) << Describe(way);
-      const Answers of_doubles = Trace(scene, wide, way, wide.size());
-      ASSERT_TRUE(SameBits(of_doubles.hits, want.hits)) << Describe(way);
-      ASSERT_EQ(of_doubles.occluded, want.occluded) << Describe(way);
-    }
+    ASSERT_NO_FATAL_FAILURE(ExpectInEveryWay(scene, rays, precision, want));
   }
 }
 
