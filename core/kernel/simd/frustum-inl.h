@@ -336,7 +336,7 @@ inline void PrefetchRows(const KernelJob& job, std::size_t first, std::size_t la
   }
 }
 
-/// A packet costs as much as some 16 rays alone, so that many are worth filling one with copies.
+/// Fewer rows of a kind are not worth a packet, which would be mostly copies.
 constexpr std::size_t kWorthFilling = 16;
 
 /// Traces packets of 64 where possible, the other rays by `rest`.

@@ -73,9 +73,10 @@ KDRAY_INLINE LanesByGroup FilterRectangles(const FrustumRays& rays,
 }
 
 /// The triangles of a block in the packet's coordinates. A test's edge function is linear in the
-/// ray's shear, relative to the packet's middle. `slack` is twice what FilterRelaxed allows, for
-/// both evaluations; `positive` and `negative` are that where the functions of a ray that meets the
-/// triangle ahead of the origin may all be positive, or negative, else -infinity.
+/// ray's shear, relative to the packet's middle. The functions of a ray that meets the triangle
+/// have one sign. `positive` and `negative` say how far they may miss it: by twice what
+/// FilterRelaxed allows, for both evaluations. A sign that means a hit behind the origin has
+/// -infinity.
 struct FrustumEdges {
   alignas(32) float middle[3][8], by_x[3][8], by_y[3][8], positive[8], negative[8];
 
@@ -103,10 +104,10 @@ struct FrustumEdges {
       Store(with_x, by_x[e]);
       Store(with_y, by_y[e]);
     }
-    // A ray meets the plane at -volume / (sum of its edge functions), by its component along z. It
-    // is in doubt where the origin may be within the pads of the plane: the corners are off by
-    // 2^-20, the volume so by 18 size^2 times as much and 2^-18 size^3 by rounding; and the pads
-    // move it by those times the normal, which is no longer than 36 size^2.
+    // Along z, a ray meets the plane at -volume / (sum of its edge functions), so the sign of the
+    // volume tells which sign is ahead. It is in doubt where the origin may lie within the pads of
+    // the plane. Corners are off by 2^-20, the volume then by 18 size^2 times that; rounding adds
+    // 2^-18 size^3. The pads count times the normal, which is no longer than 36 size^2.
     const F8 size = Max(m, Max(Max(Abs(z[0]), Abs(z[1])), Abs(z[2])));
     constexpr float kPads = static_cast<float>(64 * (kFloatPad + 0x1p-20));
     const F8 doubt = size * size * (size * Set8(0x1p-18f) + Set8(kPads));

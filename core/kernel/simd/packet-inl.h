@@ -179,7 +179,7 @@ struct FrustumRays {
   }
 
  private:
-  // The rays as given, by place, but for their directions.
+  // Origins and intervals of the rays as given, by place.
   template <class Number>
   struct Given {
     alignas(64) Number origin[3][kRays], t_min[kRays], t_max[kRays];
