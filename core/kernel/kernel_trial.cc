@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/kernel/kernel_trial.h"
 
-#include <ctime>
-
 #include "core/kernel/kernel_choice.h"
+#include "core/kernel/thread_clock.h"
 
 namespace kdray::core {
 
@@ -15,13 +14,6 @@ constexpr std::size_t kWorthTrial = std::size_t{1} << 17;
 // Of the interleaved kernel's time, what the stream kernel must stay below: times of half a block
 // differ by a few percent.
 constexpr double kClearlyFaster = 0.95;
-
-// Of this thread, so that other load of the machine decides nothing.
-double ThreadSeconds() {
-  timespec t;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 }  // namespace
 

@@ -17,6 +17,7 @@
 #include "core/kernel/ray_order.h"
 #include "core/kernel/scalar_search.h"
 #include "core/trace/ray_chunks.h"
+#include "core/trace/shuffled_trace.h"
 
 namespace kdray::core {
 namespace {
@@ -38,30 +39,14 @@ HitFilter::Options FilterOf(const TraceOptions& options) {
   return {options.cull, options.starts_on_surface, options.ends_on_surface, options.surface_offset};
 }
 
-/// Traces the job's rays, whose choice of a kernel is made; by the caller if `is_given`. Calls
+/// Traces the job's rays, whose choices are made; by the caller if `is_given`. Calls
 /// traced(first, last) as TraceOptions::traced says.
-template <class Traced>
-void TraceInBlocks(const KernelJob& job, bool is_given, const Traced& traced) {
-  const RayBatch& rays = job.rays;
-  if (!job.sort) {
-    KernelTrial trial(job, !is_given);
-    ParallelFor(0, rays.size(), kTracedRows, [&](std::size_t first, std::size_t last) {
-      trial.Trace(first, last);
-      traced(first, last);
-    });
-    return;
-  }
-  static_assert(kSortedRays % kTracedRows == 0);
-  ParallelFor(0, rays.size(), kSortedRays, [&](std::size_t first, std::size_t last) {
-    if (job.stopped->load(std::memory_order_relaxed)) return;
-    std::vector<std::uint32_t> rows(last - first);
-    const bool by_direction = job.query() != RayQuery::kAny;
-    OrderRays(rays, job.mesh->bounds(), by_direction, first, rows);
-    KernelJob sorted = job;
-    sorted.rows = rows.data();
-    ParallelFor(0, rows.size(), kTracedRows,
-                [&](std::size_t a, std::size_t b) { TraceBlock(sorted, a, b); });
-    ParallelFor(first, last, kTracedRows, traced);
+void TraceInBlocks(const KernelJob& job, bool is_given, const RowsTraced& traced) {
+  if (job.sort) return TraceShuffled(job, !is_given, traced);
+  KernelTrial trial(job, !is_given);
+  ParallelFor(0, job.rays.size(), kTracedRows, [&](std::size_t first, std::size_t last) {
+    trial.Trace(first, last);
+    traced(first, last);
   });
 }
 
@@ -111,7 +96,7 @@ Status TraceByKernel(const Scene& scene, const RayBatch& rays, const TraceOption
   job.cancel = cancel;
   job.stopped = &stopped;
   const KernelOverrides overrides{options.kernel, options.simd, options.sort};
-  const bool is_given = options.kernel.has_value();
+  const bool is_given = options.kernel.has_value() || options.sort.has_value();
   const auto traced = [&options](std::size_t first, std::size_t last) {
     if (options.traced) options.traced(first, last);
   };

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // N20 for batches whose rays the kernels group anew: rays from a point, or to a lamp, whose
-// directions go through all octants; and large batches of random rays, on which two kernels are
-// tried. Every ray is answered as it is alone.
+// directions go through all octants; and large batches of random or shuffled rays, on which several
+// ways are tried. Every ray is answered as it is alone.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <bit>
 #include <cmath>
 #include <random>
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "core/base/parallel.h"
+#include "core/kernel/ray_order.h"
 #include "core/trace/trace.h"
 #include "tests/property/scenes.h"
 #include "tests/support/seed.h"
@@ -120,6 +122,65 @@ TEST(N20MixedPackets, ALargeBatchOfRandomRaysAnswersAsEachKernelDoes) {
       EXPECT_EQ(counts[0], counts[1]);
       EXPECT_EQ(counts[0], counts[2]);
     });
+  }
+}
+
+// Some 2,000 groups of rays (CountGroups): they begin on a plane, on whose both sides triangles
+// lie.
+std::vector<RayF> ShuffledRays(const Bounds3d& bounds, std::size_t count, bool to_lamp,
+                               std::mt19937_64& engine) {
+  const Vec3f lamp(bounds.max);
+  std::vector<RayF> rays;
+  while (rays.size() < count) {
+    const Vec3f from(Vec3d{Uniform(engine, bounds.min.x, bounds.max.x),
+                           Uniform(engine, bounds.min.y, bounds.max.y),
+                           (bounds.min.z + bounds.max.z) / 2});
+    const Vec3f along(
+        Vec3d{Uniform(engine, -1, 1), Uniform(engine, -1, 1), Uniform(engine, -1, 1)});
+    rays.push_back(to_lamp ? RayF{from, 0, lamp - from, 1} : RayF{from, 0, along, INFINITY});
+  }
+  return rays;
+}
+
+TEST(N20MixedPackets, ALargeBatchOfShuffledRaysAnswersSortedAndUnsorted) {
+  auto engine = RandomEngine(2073);
+  // Large triangles, where unsorted rays are faster, and small ones.
+  for (const MeshData& data : {Soup(12, 2, 81), Soup(20000, 0.02, 82)}) {
+    const Scene scene = MakeScene(data, BuildKind::kBvh);
+    for (const bool to_lamp : {false, true}) {
+      // So many that ways are tried (core/trace/shuffled_trace.h).
+      const std::vector<RayF> rays =
+          ShuffledRays(scene.mesh->bounds(), (std::size_t{1} << 18) + 77, to_lamp, engine);
+      const std::span<const RayF> batch(rays);
+      ASSERT_TRUE(IsShuffled(batch, scene.mesh->bounds()));
+      ASSERT_LT(CountGroups(batch, scene.mesh->bounds()), 4096);
+      TraceOptions unsorted = With(Precision::kWatertight);
+      unsorted.kernel = KernelKind::kStream;
+      unsorted.sort = false;
+      std::vector<Hit> want(rays.size());
+      std::vector<std::uint8_t> want_occluded(rays.size());
+      ASSERT_TRUE(TraceClosest(scene, batch, unsorted, want).ok());
+      ASSERT_TRUE(TraceAny(scene, batch, unsorted, want_occluded).ok());
+      for (const int threads : {1, 3}) {
+        Arena arena(threads);
+        arena.Run([&] {
+          std::vector<std::atomic<int>> times(rays.size());
+          TraceOptions given = With(Precision::kWatertight);
+          given.traced = [&](std::size_t first, std::size_t last) {
+            for (std::size_t i = first; i < last; ++i) ++times[i];
+          };
+          std::vector<Hit> hits(rays.size());
+          std::vector<std::uint8_t> occluded(rays.size());
+          ASSERT_TRUE(TraceClosest(scene, batch, given, hits).ok());
+          ASSERT_TRUE(TraceAny(scene, batch, given, occluded).ok());
+          for (std::size_t i = 0; i < rays.size(); ++i) {
+            ASSERT_TRUE(SameBits(hits[i], want[i])) << i;
+            ASSERT_EQ(occluded[i], want_occluded[i]) << i;
+            ASSERT_EQ(times[i], 2) << "once for each query, row " << i;
+          }
+        });
+      }
+    }
   }
 }
 
