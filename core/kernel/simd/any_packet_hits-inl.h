@@ -76,9 +76,18 @@ struct AnyPacketHits {
   }
   void Finish(const KernelJob& job, std::size_t first, const FrustumRays& rays) {
     alone &= ~occluded;
-    for (std::size_t i = 0; i < FrustumRays::kRays; ++i) {
-      job.occluded[RowAt(job, first + i)] =
-          static_cast<std::uint8_t>(occluded >> rays.order->PlaceOf(i) & 1u);
+    for (std::size_t four = 0; four < FrustumRays::kRays / 4; ++four) {
+      const auto bits =
+          static_cast<std::uint32_t>(occluded >> rays.order->place_of_four[four] & 15u);
+      if (job.rows == nullptr) {
+        // Bit k becomes the lowest one of byte k.
+        const std::uint32_t bytes = bits * 0x00204081u & 0x01010101u;
+        __builtin_memcpy(job.occluded + first + 4 * four, &bytes, sizeof(bytes));
+        continue;
+      }
+      for (std::size_t k = 0; k < 4; ++k) {
+        job.occluded[job.rows[first + 4 * four + k]] = static_cast<std::uint8_t>(bits >> k & 1u);
+      }
     }
   }
 

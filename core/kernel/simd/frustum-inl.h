@@ -324,17 +324,47 @@ class Frustum {
   Hits hits_;
 };
 
-/// Prefetches a packet's answers, and the next packet's rays.
-inline void PrefetchRows(const KernelJob& job, std::size_t first, std::size_t last) {
-  for (std::size_t i = first; job.hits != nullptr && i < first + FrustumRays::kRays; i += 2) {
-    __builtin_prefetch(&job.hits[RowAt(job, i)], 1);
+/// Prefetches a packet's answers and the next packet's rays, a few lines for each step of the
+/// packet: the processor waits for few lines at once, and more would hold up the step's own loads.
+class RowPrefetch {
+ public:
+  RowPrefetch(const KernelJob& job, std::size_t first, std::size_t last)
+      : job_(job),
+        answer_(first),
+        answers_end_(job.hits != nullptr ? first + FrustumRays::kRays : first),
+        ray_(first + FrustumRays::kRays),
+        // One row more: the last one may end on a line of its own.
+        rays_end_(std::min(last, first + 2 * FrustumRays::kRays + 1)),
+        rays_of_line_(job.rays.floats() != nullptr ? 2 : 1) {}
+
+  KDRAY_INLINE void Some() {
+    for (int k = 0; k < 3; ++k) {
+      if (ray_ < rays_end_) NextRay();
+      if (answer_ < answers_end_) NextAnswer();
+    }
   }
-  // One row more: the last one may end on a line of its own.
-  for (std::size_t i = first + FrustumRays::kRays;
-       i < std::min(last, first + 2 * FrustumRays::kRays + 1); i += 2) {
-    job.rays.Prefetch(RowAt(job, i));
+  void Rest() {
+    while (ray_ < rays_end_) NextRay();
+    while (answer_ < answers_end_) NextAnswer();
   }
-}
+
+ private:
+  KDRAY_INLINE void NextRay() {
+    job_.rays.Prefetch(RowAt(job_, ray_));
+    ray_ += rays_of_line_;
+  }
+  KDRAY_INLINE void NextAnswer() {
+    __builtin_prefetch(&job_.hits[RowAt(job_, answer_)], 1);
+    answer_ += 64 / sizeof(Hit);
+  }
+
+  const KernelJob& job_;
+  std::size_t answer_;
+  const std::size_t answers_end_;
+  std::size_t ray_;
+  const std::size_t rays_end_;
+  const std::size_t rays_of_line_;
+};
 
 /// Fewer rows of a kind are not worth a packet, which would be mostly copies.
 constexpr std::size_t kWorthFilling = 16;
@@ -375,11 +405,13 @@ void TraceFrustum(const KernelJob& job, std::size_t first, std::size_t last, Ker
     };
     for (; first + FrustumRays::kRays <= last; first += FrustumRays::kRays) {
       if (job.poll->Spend(FrustumRays::kRays * kBeginWork)) return;
-      PrefetchRows(job, first, last);
+      RowPrefetch ahead(job, first, last);
       const Form form = pass_over != 0 ? Form::kOther : packet->Begin(job, first);
       if (form == Form::kPacket) {
-        while (packet->Step()) {
-        }
+        while (packet->Step()) ahead.Some();
+      }
+      ahead.Rest();
+      if (form == Form::kPacket) {
         if (job.poll->stopped()) return;
         if (packet->End(&others)) {
           next_pass = 1;

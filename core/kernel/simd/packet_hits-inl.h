@@ -366,12 +366,18 @@ struct WatertightPacketHits : PacketHits {
     // Each ray with its triangle; all corners are stored first, because loading a vector just after
     // storing its numbers one by one is slow.
     alignas(64) float corner[3][3][kRays] = {};
-    for (std::size_t i = 0; i < kRays; ++i) {
-      if (found[i] == kNoPrimitive) continue;
-      const LeafBlock& block = job.tree->blocks[slot[i] / LeafBlock::kWidth];
-      const std::size_t lane = slot[i] % LeafBlock::kWidth;
-      for (std::size_t c = 0; c < 3; ++c) {
-        for (std::size_t k = 0; k < 3; ++k) corner[c][k][i] = block.corner[c][rays.axis[k]][lane];
+    for (std::size_t four = 0; four < kRays; four += 4) {
+      if (found[four] != kNoPrimitive && HaveOneTriangle(four)) {
+        VisitCorners(job, rays, four, [&](std::size_t c, std::size_t k, float x) KDRAY_LAMBDA {
+          StoreF4(F4{x, x, x, x}, corner[c][k] + four);
+        });
+        continue;
+      }
+      for (std::size_t i = four; i < four + 4; ++i) {
+        if (found[i] == kNoPrimitive) continue;
+        VisitCorners(job, rays, i, [&](std::size_t c, std::size_t k, float x) KDRAY_LAMBDA {
+          corner[c][k][i] = x;
+        });
       }
     }
     const auto origin = [&](int k) KDRAY_LAMBDA {
@@ -393,6 +399,28 @@ struct WatertightPacketHits : PacketHits {
       StoreHits(job, first, *rays.order, four,
                 Load4(decision.s) * (Widen4(rays.scale + place) * Set4(rays.frame_scale)) + Set4(0),
                 Load4(decision.u), Load4(decision.v), found);
+    }
+  }
+
+ private:
+  // Of the rays at four places in a row; in a room that is the rule.
+  KDRAY_INLINE bool HaveOneTriangle(std::size_t place) const {
+    U4 numbers;
+    __builtin_memcpy(&numbers, found + place, sizeof(numbers));
+    const std::uint32_t one = found[place];
+    const U4 differ = numbers ^ U4 { one, one, one, one };
+    return (differ[0] | differ[1] | differ[2] | differ[3]) == 0;
+  }
+
+  /// visit(corner, axis, coordinate) for the triangle found by the ray at a place; the axis is one
+  /// of the packet's.
+  template <class Visit>
+  KDRAY_INLINE void VisitCorners(const KernelJob& job, const FrustumRays& rays, std::size_t place,
+                                 const Visit& visit) const {
+    const LeafBlock& block = job.tree->blocks[slot[place] / LeafBlock::kWidth];
+    const std::size_t lane = slot[place] % LeafBlock::kWidth;
+    for (std::size_t c = 0; c < 3; ++c) {
+      for (std::size_t k = 0; k < 3; ++k) visit(c, k, block.corner[c][rays.axis[k]][lane]);
     }
   }
 };
