@@ -4,6 +4,7 @@
 // ways are tried. Every ray is answered as it is alone.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <bit>
 #include <cmath>
@@ -91,6 +92,49 @@ TEST(N20MixedPackets, RaysAroundAPointAnswerAsAlone) {
           ASSERT_TRUE(SameBits(hits[i], want[i])) << Describe(way) << ", ray " << i;
           ASSERT_EQ(occluded[i] != 0, want[i].IsHit()) << Describe(way) << ", ray " << i;
         }
+      }
+    }
+  }
+}
+
+Vec3d InCube(std::mt19937_64& engine, double size) {
+  const double x = Uniform(engine, -size, size), y = Uniform(engine, -size, size);
+  return {x, y, Uniform(engine, -size, size)};
+}
+
+// Packets towards a lamp take its place as that of all their ends.
+TEST(N20MixedPackets, EndsNearALampAnswerAsAlone) {
+  auto engine = RandomEngine(2074);
+  const Vec3d lamp{0.53, 0.48, 0.55};
+  // Few enough that no packet is abandoned.
+  const Scene scene = MakeScene(RoundToFloat(Soup(60, 0.1, 83)), BuildKind::kBvh);
+  std::vector<RayF> rays;
+  for (int exponent = -27; exponent <= -8; ++exponent) {
+    for (int row = 0; row < 40; ++row) {
+      const Vec3d towards = InCube(engine, 1);
+      for (int i = 0; i < 64; ++i) {
+        const Vec3f from(lamp + towards * Uniform(engine, 0.2, 0.9) + InCube(engine, 0.01));
+        // The first and the last one are compared before the others are read.
+        const bool is_exact = i == 0 || i == 63;
+        const Vec3f end(lamp + InCube(engine, is_exact ? 0 : std::ldexp(1, exponent)));
+        rays.push_back({from, 0, end - from, 1});
+      }
+    }
+  }
+  const std::span<const RayF> batch(rays);
+  for (const Precision precision : {Precision::kFast, Precision::kWatertight}) {
+    std::vector<std::uint8_t> want;
+    for (const RayF& ray : rays) {
+      want.push_back(AnyHit(scene, {Vec3d(ray.origin), ray.t_min, Vec3d(ray.direction), ray.t_max},
+                            precision));
+    }
+    EXPECT_GT(std::count(want.begin(), want.end(), 1), 500);
+    EXPECT_GT(std::count(want.begin(), want.end(), 0), 500);
+    for (const TraceOptions& way : WaysToTrace(precision)) {
+      std::vector<std::uint8_t> occluded(rays.size());
+      ASSERT_TRUE(TraceAny(scene, batch, way, occluded).ok());
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        ASSERT_EQ(occluded[i], want[i]) << Describe(way) << ", ray " << i;
       }
     }
   }

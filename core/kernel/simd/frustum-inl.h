@@ -427,8 +427,9 @@ void TraceFrustum(const KernelJob& job, std::size_t first, std::size_t last, Ker
         leave(first, first + FrustumRays::kRays);
         continue;
       }
-      for (std::size_t i = first; i < first + FrustumRays::kRays; ++i) {
-        const auto rows = mixed.Add(job, static_cast<std::uint32_t>(RowAt(job, i)));
+      const RowsByDirection::Kinds kinds(job, first);
+      for (std::size_t i = 0; i < FrustumRays::kRays; ++i) {
+        const auto rows = mixed.Add(kinds.of[i], static_cast<std::uint32_t>(RowAt(job, first + i)));
         if (rows.empty()) continue;
         trace_mixed(rows);
         if (job.poll->stopped()) return;

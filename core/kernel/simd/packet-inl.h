@@ -198,6 +198,7 @@ struct FrustumRays {
   void GatherEnds(const KernelJob& job, std::size_t first, Given<float>* given) const;
   bool FindRanges(bool with_inverse);
   bool FindIntervals(const KernelJob& job, std::size_t first);
+  bool FindNearTarget(const MeshFrame& frame, const Given<float>& given);
   template <class Number>
   bool FindTarget(const MeshFrame& frame, const Given<Number>& given);
 

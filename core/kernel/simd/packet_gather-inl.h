@@ -100,7 +100,7 @@ inline FrustumRays::Form FrustumRays::Gather(const KernelJob& job, std::size_t f
   } else {
     Given<float> floats;
     GatherEnds(job, first, &floats);
-    has_intervals = FindTarget(frame, floats);
+    has_intervals = FindNearTarget(frame, floats) || FindTarget(frame, floats);
   }
   ahead = (octant >> axis[2] & 1u) != 0 ? -1.0f : 1.0f;
   begins_at_origin = enter >= -0x1p-18f;
@@ -286,6 +286,57 @@ inline bool FrustumRays::FindIntervals(const KernelJob& job, std::size_t first) 
     enter = std::min(enter, OutwardLow(low - 0x1p-20));
   }
   return true;
+}
+
+/// FindTarget where origins and target are at most 1 in size, in float. The distance of an end from
+/// the target, at most 2^-22 as computed, is off by 2^-25 for the origin, 2^-23 for the product,
+/// 2^-24 for the sum, and 2^-25 for the target: it is at most 2^-21, as FindTarget asks. False
+/// where that or anything else is not certain.
+inline bool FrustumRays::FindNearTarget(const MeshFrame& frame, const Given<float>& given) {
+  const FrameVectors vectors(frame);
+  if (std::abs(frame.exponent) > 40) return false;
+  frame_scale = PowerOfTwo(frame.exponent);
+  whole_lines_ = false;
+  Vec3d target;
+  const double to_local = 1 / (static_cast<double>(scale[0]) * frame_scale);
+  for (int k = 0; k < 3; ++k) {
+    target[k] =
+        (static_cast<double>(given.origin[k][0]) - vectors.origin[k]) * vectors.scale +
+        static_cast<double>(direction[k][0]) * (static_cast<double>(given.t_max[0]) * to_local);
+  }
+  if (!(MaxAbs(target) <= 1) || !SetOrigin(frame, target)) return false;
+  F16 largest = Set16(0);
+  unsigned usual = 0xffffu;
+  for (std::size_t i = 0; i < kRays; i += 16) {
+    const F16 to_caller = Load16(scale + i) * Set16(static_cast<float>(frame_scale));
+    // Scaling by a power of two and back is exact, or does not give the same number.
+    const F16 of_to_local = Set16(1) / to_caller;
+    const F16 from = Load16(given.t_min + i), to = Load16(given.t_max + i);
+    const F16 low = from * of_to_local, high = to * of_to_local;
+    Store(low, s_min + i);
+    Store(high, s_max + i);
+    usual &= Bits(LessEqual(Set16(-0x1p20f), low) & LessEqual(low, high) &
+                  LessEqual(high, Set16(0x1p20f))) &
+             ~Bits(NotEqual(low * to_caller, from) | NotEqual(high * to_caller, to));
+    Store((high - low) * Set16(1 + 0x1.4p-20f) + Set16(0x1p-19f), exit + i);
+    for (std::size_t k = 0; k < 3; ++k) {
+      for (std::size_t eight = i; eight < i + 16; eight += 8) {
+        const D8 local =
+            (LoadD8(given.origin[k] + eight) - SetD8(vectors.origin[k])) * SetD8(vectors.scale);
+        Store(Narrow(local), own_origin[k] + eight);
+      }
+      const F16 local = Load16(own_origin[k] + i);
+      largest = Max(largest, Abs(local));
+      const F16 end = local + Load16(direction[k] + i) * high;
+      const F16 apart = Abs(end - Set16(static_cast<float>(target[static_cast<int>(k)])));
+      // NaN fails; Max would lose it.
+      usual &= Bits(LessEqual(Abs(local), Set16(1)) & LessEqual(apart, Set16(0x1p-22f)));
+    }
+  }
+  enter = -0x1p-19f;
+  // Of the origins before they were rounded.
+  origin_size = Largest(largest) + 0x1p-23f;
+  return usual == 0xffffu;
 }
 
 /// Whether all rays end at one point, within the margins of culls: box tests here have errors below
