@@ -320,12 +320,8 @@ inline bool FrustumRays::FindNearTarget(const MeshFrame& frame, const Given<floa
              ~Bits(NotEqual(low * to_caller, from) | NotEqual(high * to_caller, to));
     Store((high - low) * Set16(1 + 0x1.4p-20f) + Set16(0x1p-19f), exit + i);
     for (std::size_t k = 0; k < 3; ++k) {
-      for (std::size_t eight = i; eight < i + 16; eight += 8) {
-        const D8 local =
-            (LoadD8(given.origin[k] + eight) - SetD8(vectors.origin[k])) * SetD8(vectors.scale);
-        Store(Narrow(local), own_origin[k] + eight);
-      }
-      const F16 local = Load16(own_origin[k] + i);
+      const F16 local = ToLocal16(given.origin[k] + i, vectors.origin[k], vectors.scale);
+      Store(local, own_origin[k] + i);
       largest = Max(largest, Abs(local));
       const F16 end = local + Load16(direction[k] + i) * high;
       const F16 apart = Abs(end - Set16(static_cast<float>(target[static_cast<int>(k)])));
@@ -350,38 +346,33 @@ bool FrustumRays::FindTarget(const MeshFrame& frame, const Given<Number>& given)
   frame_scale = PowerOfTwo(frame.exponent);
   whole_lines_ = false;
   double target[3];
-  D8 largest = SetD8(0);
-  L8 usual = L8(SetD8(0)) - 1;
-  for (std::size_t i = 0; i < kRays; i += 8) {
+  D4 largest = Set4(0);
+  unsigned usual = 0xfu;
+  for (std::size_t i = 0; i < kRays; i += 4) {
     // Of a power of two, by its bits.
-    const D8 to_caller = LoadD8(scale + i) * SetD8(frame_scale);
-    const D8 to_local = D8(0x7fe0000000000000 - L8(to_caller));
-    const D8 low = LoadD8(given.t_min + i) * to_local;
-    const D8 high = LoadD8(given.t_max + i) * to_local;
-    Store(Narrow(low), s_min + i);
-    Store(Narrow(high), s_max + i);
+    const D4 to_caller = Widen4(scale + i) * Set4(frame_scale);
+    const D4 to_local = D4(0x7fe0000000000000 - L4(to_caller));
+    const D4 low = Widen4(given.t_min + i) * to_local;
+    const D4 high = Widen4(given.t_max + i) * to_local;
+    StoreF4(Narrow(low), s_min + i);
+    StoreF4(Narrow(high), s_max + i);
     // Only numbers that floats represent, without infinity.
-    usual &= L8(__builtin_convertvector(Narrow(low), D8) == low) &
-             L8(__builtin_convertvector(Narrow(high), D8) == high) & L8(low <= high) &
-             L8(Abs(low) <= SetD8(0x1p20)) & L8(Abs(high) <= SetD8(0x1p20));
-    Store(Narrow((high - low) * SetD8(1 + 0x1p-20) + SetD8(0x1p-19)), exit + i);
+    usual &= Bits(L4((Widen4(s_min + i) == low) & (Widen4(s_max + i) == high) & (low <= high) &
+                     (Abs(low) <= Set4(0x1p20)) & (Abs(high) <= Set4(0x1p20))));
+    StoreF4(Narrow((high - low) * Set4(1 + 0x1p-20) + Set4(0x1p-19)), exit + i);
     for (std::size_t k = 0; k < 3; ++k) {
-      const D8 local =
-          (LoadD8(given.origin[k] + i) - SetD8(vectors.origin[k])) * SetD8(vectors.scale);
-      Store(Narrow(local), own_origin[k] + i);
+      const D4 local =
+          (Widen4(given.origin[k] + i) - Set4(vectors.origin[k])) * Set4(vectors.scale);
+      StoreF4(Narrow(local), own_origin[k] + i);
       largest = Max(largest, Abs(local));
-      const D8 along =
-          given_in_double_ ? LoadD8(direction_double_[k] + i) : LoadD8(direction[k] + i);
-      const D8 end = local + along * high;
+      const D4 end = local + DoubleDirectionAt(k, i) * high;
       if (i == 0) target[k] = end[0];
-      usual &= L8(Abs(local) <= SetD8(4)) & L8(Abs(end - SetD8(target[k])) <= SetD8(kApart));
+      usual &= Bits(L4((Abs(local) <= Set4(4)) & (Abs(end - Set4(target[k])) <= Set4(kApart))));
     }
   }
   enter = -0x1p-19f;
-  if (!AreAll(usual) || !SetOrigin(frame, {target[0], target[1], target[2]})) return false;
-  double size = largest[0];
-  for (int k = 1; k < 8; ++k) size = std::max(size, largest[k]);
-  origin_size = FloatAbove(size);
+  if (usual != 0xfu || !SetOrigin(frame, {target[0], target[1], target[2]})) return false;
+  origin_size = FloatAbove(std::max({largest[0], largest[1], largest[2], largest[3]}));
   return true;
 }
 

@@ -207,6 +207,7 @@ using U4 = std::uint32_t __attribute__((vector_size(16)));
 using S4 = std::int32_t __attribute__((vector_size(16)));
 KDRAY_INLINE void StoreF4(F4 v, float* to) { __builtin_memcpy(to, &v, sizeof(v)); }
 KDRAY_INLINE F4 Narrow(D4 v) { return __builtin_convertvector(v, F4); }
+KDRAY_INLINE D4 Widen4(const double* from) { return Load4(from); }
 KDRAY_INLINE D4 Widen4(const float* from) {
   F4 v;
   __builtin_memcpy(&v, from, sizeof(v));
@@ -269,31 +270,6 @@ KDRAY_INLINE D4 ProductError(D4 a, D4 b, D4 product) {
   return error;
 }
 #endif
-
-// ---- Eight doubles ----
-
-using D8 = double __attribute__((vector_size(64)));
-using L8 = std::int64_t __attribute__((vector_size(64)));
-KDRAY_INLINE D8 SetD8(double x) { return D8{x, x, x, x, x, x, x, x}; }
-KDRAY_INLINE D8 LoadD8(const double* from) {
-  D8 v;
-  __builtin_memcpy(&v, from, sizeof(v));
-  return v;
-}
-KDRAY_INLINE D8 LoadD8(const float* from) { return __builtin_convertvector(Load(from), D8); }
-KDRAY_INLINE F8 Narrow(D8 v) { return __builtin_convertvector(v, F8); }
-KDRAY_INLINE D8 Abs(D8 v) { return D8(L8(v) & std::numeric_limits<std::int64_t>::max()); }
-KDRAY_INLINE D8 Max(D8 a, D8 b) { return a > b ? a : b; }
-/// Whether no lane of a comparison's result is false.
-KDRAY_INLINE bool AreAll(L8 comparison) {
-#if defined(KDRAY_ISA_AVX512)
-  return _mm512_movepi64_mask(__m512i(comparison)) == 0xffu;
-#else
-  std::int64_t all = comparison[0];
-  for (int k = 1; k < 8; ++k) all &= comparison[k];
-  return all != 0;
-#endif
-}
 
 // ---- Lane by lane what core/intersect/difference_of_products.h does ----
 

@@ -3,6 +3,7 @@
 // as vectors-inl.h.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "core/kernel/simd/isa.h"
@@ -179,6 +180,26 @@ KDRAY_INLINE float Largest(F16 v) {
 #endif
 
 #endif
+
+/// (x - origin) * scale of 16 floats, computed in double, then rounded.
+KDRAY_INLINE F16 ToLocal16(const float* from, double origin, double scale) {
+#if defined(KDRAY_ISA_AVX512)
+  const auto eight = [&](const float* x) KDRAY_LAMBDA {
+    const __m512d moved =
+        _mm512_sub_pd(_mm512_cvtps_pd(_mm256_loadu_ps(x)), _mm512_set1_pd(origin));
+    return _mm512_cvtpd_ps(_mm512_mul_pd(moved, _mm512_set1_pd(scale)));
+  };
+  return F16(_mm512_insertf32x8(_mm512_castps256_ps512(eight(from)), eight(from + 8), 1));
+#else
+  // GCC takes vectors of more doubles than the target has apart, number by number.
+  const auto four = [&](const float* x)
+                        KDRAY_LAMBDA { return Narrow((Widen4(x) - Set4(origin)) * Set4(scale)); };
+  const auto eight = [&](const float* x) KDRAY_LAMBDA {
+    return F8(__builtin_shufflevector(four(x), four(x + 4), 0, 1, 2, 3, 4, 5, 6, 7));
+  };
+  return {eight(from), eight(from + 8)};
+#endif
+}
 
 /// One number in all lanes of F8 or F16.
 template <class Lanes>
