@@ -20,8 +20,8 @@ namespace {
 constexpr std::size_t kUnsortedRays = std::size_t{1} << 12;
 constexpr std::size_t kSmallPiece = std::size_t{1} << 14;
 constexpr std::size_t kLargePiece = std::size_t{1} << 16;
-// Rays of the smallest batches with a trial, and with one of a large piece. Where unsorted rays take
-// twice the time, those of the trial cost at most a twelfth of the batch's.
+// Rays of the smallest batches with a trial, and with one of a large piece. Where unsorted rays
+// take twice the time, those of the trial cost at most a twelfth of the batch's.
 constexpr std::size_t kWorthTrial = std::size_t{3} << 15;
 constexpr std::size_t kWorthLargeTrial = std::size_t{1} << 18;
 // Of a larger tree, unrelated rays read nodes from memory, not from a cache: sorting pays.

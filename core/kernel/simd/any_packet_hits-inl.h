@@ -2,6 +2,7 @@
 // Whether a packet's rays hit anything.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -81,6 +82,7 @@ struct AnyPacketHits {
           static_cast<std::uint32_t>(occluded >> rays.order->place_of_four[four] & 15u);
       if (job.rows == nullptr) {
         // Bit k becomes the lowest one of byte k.
+        static_assert(std::endian::native == std::endian::little);
         const std::uint32_t bytes = bits * 0x00204081u & 0x01010101u;
         __builtin_memcpy(job.occluded + first + 4 * four, &bytes, sizeof(bytes));
         continue;
