@@ -32,10 +32,11 @@ inline constexpr std::uint64_t kBlockWork = 64;
 /// What is asked of each ray: its closest hit, whether it has one, or all hits (`count`, `all`).
 enum class RayQuery : std::uint8_t { kClosest, kAny, kAll };
 
-/// Whether there is a frustum kernel: for closest hits, and in `fast` and `watertight` for any.
-constexpr bool HasFrustum(Precision precision, RayQuery query) {
+/// Whether there is a frustum kernel: for closest hits and for any, except for any in `double` and
+/// `exact` if the mesh's vertices are doubles.
+constexpr bool HasFrustum(Precision precision, bool double_vertices, RayQuery query) {
   const bool is_float = precision == Precision::kFast || precision == Precision::kWatertight;
-  return query == RayQuery::kClosest || (query == RayQuery::kAny && is_float);
+  return query == RayQuery::kClosest || (query == RayQuery::kAny && (is_float || !double_vertices));
 }
 
 /// The input and output of tracing a range of rays.

@@ -7,6 +7,7 @@
 #include "core/intersect/precision.h"
 #include "core/kernel/kernel.h"
 #include "core/kernel/simd/any_packet_hits-inl.h"
+#include "core/kernel/simd/certain_pairs-inl.h"
 #include "core/kernel/simd/exact-inl.h"
 #include "core/kernel/simd/exact_all-inl.h"
 #include "core/kernel/simd/frustum-inl.h"
@@ -61,6 +62,10 @@ KernelFunction FindFrustum(RayQuery query) {
                                  : &TraceFrustumOr<ClosestHits, Search, false>;
 }
 
+template <Precision kPrecision, class Search>
+KernelFunction FindAnyFrustum() {
+  return &TraceFrustumOr<AnyPacketHits<CertainPairs<kPrecision>>, Search, true>;
+}
 template <class Stored>
 KernelFunction FindFrustumOfStored(Precision precision) {
   return precision == Precision::kDouble
@@ -69,15 +74,18 @@ KernelFunction FindFrustumOfStored(Precision precision) {
 }
 /// Null where there is none; see HasFrustum().
 inline KernelFunction FindFrustum(Precision precision, bool double_vertices, RayQuery query) {
-  if (!HasFrustum(precision, query)) return nullptr;
+  if (!HasFrustum(precision, double_vertices, query)) return nullptr;
   switch (precision) {
     case Precision::kFast:
       return FindFrustum<FastPacketHits, FastSearch<KeepClosest>>(query);
     case Precision::kWatertight:
       return FindFrustum<WatertightPacketHits, WatertightSearch<KeepClosest>>(query);
     case Precision::kDouble:
+      if (query != RayQuery::kAny) break;
+      return FindAnyFrustum<Precision::kDouble, DoubleSearch<KeepClosest, float>>();
     case Precision::kExact:
-      break;
+      if (query != RayQuery::kAny) break;
+      return FindAnyFrustum<Precision::kExact, ExactSearch<float>>();
   }
   return double_vertices ? FindFrustumOfStored<double>(precision)
                          : FindFrustumOfStored<float>(precision);

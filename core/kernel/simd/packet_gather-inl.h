@@ -91,7 +91,7 @@ inline FrustumRays::Form FrustumRays::Gather(const KernelJob& job, std::size_t f
   const Form form = given_in_double_ ? GatherDoubles(job, first, shares_target ? &doubles : nullptr)
                                      : GatherFloats(job, first);
   if (form != Form::kPacket) return form;
-  if (!FindRanges(job.precision == Precision::kWatertight)) return Form::kMixed;
+  if (!FindRanges(job.precision != Precision::kFast)) return Form::kMixed;
   bool has_intervals;
   if (!shares_target) {
     has_intervals = FindIntervals(job, first);

@@ -196,6 +196,36 @@ struct FastPacketHits : PacketHits {
   }
 };
 
+/// Pairs of a ray and a triangle as WatertightIntersection<float> sees them.
+struct ProjectedPairs {
+  F16 raw[3][3], x[3], y[3];  // corners from the origin: along the packet's axes, and projected
+  F16 wa, wb, wc;             // edge functions
+
+  KDRAY_INLINE ProjectedPairs(const Corners16& corners, const F16 (&origin)[3],
+                              const F16 (&ray)[3]) {
+    for (int c = 0; c < 3; ++c) {
+      for (int k = 0; k < 3; ++k) raw[c][k] = corners.at[c][k] - origin[k];
+      x[c] = raw[c][0] - ray[0] * raw[c][2];
+      y[c] = raw[c][1] - ray[1] * raw[c][2];
+    }
+    wa = x[2] * y[1] - y[2] * x[1];
+    wb = x[0] * y[2] - y[0] * x[2];
+    wc = x[1] * y[0] - y[1] * x[0];
+  }
+
+  /// With the bounds of s; `inverse_z` is 1 / the direction along z.
+  template <class Bounds, class Place>
+  KDRAY_INLINE AlongRay Along(unsigned accepted, unsigned certain, F16 inverse_z,
+                              const Bounds& bounds, Place place) const {
+    const F16 inverse_sum = Set16(1) / ((wa + wb) + wc);
+    // inverse_z lies in (1/2, 1] in size, so s is not larger than z.
+    const F16 s = ((wa * raw[0][2] + wb * raw[1][2]) + wc * raw[2][2]) * inverse_sum * inverse_z;
+    const SBound<F16> bound = bounds.At(raw, place);
+    const F16 error = Min(bound.depth, bound.by_sum * Abs(inverse_sum)) + bound.rest;
+    return {accepted, certain, s - error, s + error};
+  }
+};
+
 /// The closest hits of 64 rays by WatertightIntersection<float>. Float arithmetic decides exactly
 /// which triangles are hit, and bounds their s, which is defined in double. That decides all except
 /// a few rays; the s of the winners is computed at the end.
@@ -244,30 +274,13 @@ struct WatertightPacketHits : PacketHits {
   template <class Place>
   KDRAY_INLINE static Lanes Test(const Corners16& corners, const F16 (&origin)[3],
                                  const F16 (&ray)[3], const Bounds& bounds, Place place) {
-    F16 raw[3][3], x[3], y[3], z[3];
-    for (int c = 0; c < 3; ++c) {
-      for (int k = 0; k < 3; ++k) raw[c][k] = corners.at[c][k] - origin[k];
-      z[c] = raw[c][2];
-      x[c] = raw[c][0] - ray[0] * z[c];
-      y[c] = raw[c][1] - ray[1] * z[c];
-    }
-    const F16 wa = x[2] * y[1] - y[2] * x[1];
-    const F16 wb = x[0] * y[2] - y[0] * x[2];
-    const F16 wc = x[1] * y[0] - y[1] * x[0];
+    const ProjectedPairs p(corners, origin, ray);
     const F16 zero = Set16(0);
-    Lanes lanes;
-    lanes.accepted =
-        Bits(LessEqual(zero, Min(Min(wa, wb), wc)) | LessEqual(Max(Max(wa, wb), wc), zero));
-    // An edge function of 0 takes exact signs.
-    lanes.certain = Bits(NotEqual(wa, zero) & NotEqual(wb, zero) & NotEqual(wc, zero));
-    const F16 inverse_sum = Set16(1) / ((wa + wb) + wc);
-    // 1 / direction along z lies in (1/2, 1] in size, so s is not larger than z.
-    const F16 s = ((wa * z[0] + wb * z[1]) + wc * z[2]) * inverse_sum * ray[2];
-    const SBound<F16> bound = bounds.At(raw, place);
-    const F16 error = Min(bound.depth, bound.by_sum * Abs(inverse_sum)) + bound.rest;
-    lanes.low = s - error;
-    lanes.high = s + error;
-    return lanes;
+    return {p.Along(Bits(LessEqual(zero, Min(Min(p.wa, p.wb), p.wc)) |
+                         LessEqual(Max(Max(p.wa, p.wb), p.wc), zero)),
+                    // An edge function of 0 takes exact signs.
+                    Bits(NotEqual(p.wa, zero) & NotEqual(p.wb, zero) & NotEqual(p.wc, zero)),
+                    ray[2], bounds, place)};
   }
 
   KDRAY_INLINE void Take(const Lanes& lanes, const RayTrianglePairs& pairs,

@@ -34,7 +34,7 @@ class KernelChoice : public testing::Test {
     return job;
   }
 
-  const Scene scene_ = test::MakeScene(test::UvSphere({0, 0, 0}, 1, 20, 40));
+  Scene scene_ = test::MakeScene(test::UvSphere({0, 0, 0}, 1, 20, 40));  // doubles
   std::vector<std::uint8_t> occluded_;
   std::vector<Hit> hits_;
   std::mt19937 engine_{11};
@@ -57,8 +57,14 @@ TEST_F(KernelChoice, ACamerasRaysAreAFrustumWherePrecisionsHaveOne) {
   EXPECT_EQ(Choose(Camera(), Precision::kExact).kernel, KernelKind::kFrustum);
   EXPECT_EQ(Choose(Camera(), Precision::kFast, true).kernel, KernelKind::kFrustum);
   EXPECT_EQ(Choose(Camera(), Precision::kDouble, true).kernel, KernelKind::kStream);
-  EXPECT_EQ(Choose(Camera(), Precision::kExact, true).kernel, KernelKind::kStream);
   EXPECT_FALSE(Choose(Camera(), Precision::kFast).sort);
+}
+
+TEST_F(KernelChoice, AnyHitInDoubleAndExactIsAFrustumWhereVerticesAreFloats) {
+  EXPECT_EQ(Choose(Camera(), Precision::kExact, true).kernel, KernelKind::kStream);
+  scene_ = test::MakeScene(test::RoundToFloat(test::UvSphere({0, 0, 0}, 1, 20, 40)));
+  EXPECT_EQ(Choose(Camera(), Precision::kDouble, true).kernel, KernelKind::kFrustum);
+  EXPECT_EQ(Choose(Camera(), Precision::kExact, true).kernel, KernelKind::kFrustum);
 }
 
 TEST_F(KernelChoice, ShuffledRaysAreSortedWhereManyAreAlike) {
