@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The kernels: ways to take many rays through a wide tree together. A kernel only culls. The
-// triangle intersection of the precision decides, bit for bit, computed in lanes or by a
-// ScalarSearch.
+// triangle intersection of the precision decides, bit for bit: computed in lanes, by a
+// ScalarSearch, or known from bounds of its errors.
 #pragma once
 
 #include <atomic>
@@ -32,12 +32,8 @@ inline constexpr std::uint64_t kBlockWork = 64;
 /// What is asked of each ray: its closest hit, whether it has one, or all hits (`count`, `all`).
 enum class RayQuery : std::uint8_t { kClosest, kAny, kAll };
 
-/// Whether there is a frustum kernel: for closest hits and for any, except for any in `double` and
-/// `exact` if the mesh's vertices are doubles.
-constexpr bool HasFrustum(Precision precision, bool double_vertices, RayQuery query) {
-  const bool is_float = precision == Precision::kFast || precision == Precision::kWatertight;
-  return query == RayQuery::kClosest || (query == RayQuery::kAny && (is_float || !double_vertices));
-}
+/// Whether there is a frustum kernel.
+constexpr bool HasFrustum(RayQuery query) { return query != RayQuery::kAll; }
 
 /// The input and output of tracing a range of rays.
 struct KernelJob {

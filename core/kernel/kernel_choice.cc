@@ -38,14 +38,13 @@ void ChooseKernel(const KernelOverrides& overrides, KernelJob* job) {
   job->alike = (!shuffled || (grouped && job->sort)) && !overrides.kernel;
   const KernelKind otherwise = job->alike ? KernelKind::kStream : KernelKind::kInterleaved;
   // The frustum kernel soon detects rays that do not form a packet, and passes them on.
-  const bool has_frustum =
-      HasFrustum(job->precision, job->mesh->has_double_vertices(), job->query());
-  const bool frustum = has_frustum && (job->query() == RayQuery::kAny || ShareOrigins(job->rays));
+  const bool frustum =
+      HasFrustum(job->query()) && (job->query() == RayQuery::kAny || ShareOrigins(job->rays));
   job->kernel = overrides.kernel.value_or(frustum ? KernelKind::kFrustum : otherwise);
   // Of the filters it has only culls.
   const bool is_filtered =
       job->filter_options.starts_on_surface || job->filter_options.ends_on_surface;
-  if (job->kernel == KernelKind::kFrustum && (is_filtered || !has_frustum)) {
+  if (job->kernel == KernelKind::kFrustum && (is_filtered || !HasFrustum(job->query()))) {
     job->kernel = otherwise;
   }
 }

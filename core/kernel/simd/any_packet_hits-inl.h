@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <limits>
 
-#include "core/intersect/precision.h"
 #include "core/kernel/kernel.h"
 #include "core/kernel/simd/isa.h"
 #include "core/kernel/simd/packet-inl.h"
@@ -18,10 +17,10 @@
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// Whether each of 64 rays hits anything, by the triangle intersection of ClosestHits.
-template <class ClosestHits>
+/// Whether each of 64 rays hits anything, by the Test of Pairs: FastPacketHits,
+/// WatertightPacketHits, or CertainPairs.
+template <class Pairs>
 struct AnyPacketHits {
-  static constexpr Precision kPrecision = ClosestHits::kPrecision;
   /// Few: rays to a visible lamp test everything on their way, while the stream kernel's rays stop
   /// at the first hit.
   static constexpr std::size_t kMostWork = 100;
@@ -30,20 +29,20 @@ struct AnyPacketHits {
   alignas(64) float exit[FrustumRays::kRays];
 
   KDRAY_INLINE static std::uint32_t Axis(const FrustumRays& rays, std::uint32_t k) {
-    return ClosestHits::Axis(rays, k);
+    return Pairs::Axis(rays, k);
   }
   KDRAY_INLINE static const float* RayRow(const FrustumRays& rays, int k) {
-    return ClosestHits::RayRow(rays, k);
+    return Pairs::RayRow(rays, k);
   }
   const float* exits() const { return exit; }
   std::uint64_t done() const { return alone | occluded; }
 
-  using Lanes = typename ClosestHits::Lanes;
-  using Bounds = typename ClosestHits::Bounds;
+  using Lanes = typename Pairs::Lanes;
+  using Bounds = typename Pairs::Bounds;
   template <class Place>
   KDRAY_INLINE static Lanes Test(const Corners16& corners, const F16 (&origin)[3],
                                  const F16 (&ray)[3], const Bounds& bounds, Place place) {
-    return ClosestHits::Test(corners, origin, ray, bounds, place);
+    return Pairs::Test(corners, origin, ray, bounds, place);
   }
   KDRAY_INLINE void Take(const Lanes& lanes, const RayTrianglePairs& pairs,
                          const FrustumRays& rays) {

@@ -3,7 +3,8 @@
 // arithmetic decides where it is certain of what these precisions find.
 #pragma once
 
-#include "core/intersect/precision.h"
+#include <cstdint>
+
 #include "core/kernel/simd/isa.h"
 #include "core/kernel/simd/packet-inl.h"
 #include "core/kernel/simd/packet_hits-inl.h"
@@ -13,19 +14,20 @@
 KDRAY_BEGIN_ISA();
 namespace kdray::core::KDRAY_ISA {
 
-/// As AnyPacketHits has its ClosestHits. Needs vertices that are floats.
+/// What AnyPacketHits needs of a precision: Axis, RayRow, Lanes, Bounds and Test.
 ///
-/// With u = 2^-24 and R = 1 + the origin's largest |component|, a corner is off along z by 2uR (the
-/// origin and the difference), and along x and y by 8uR (these 2uR, 4uR of the shear's product with
-/// z, 2uR of the last difference). With projected corners up to m <= 2R, an edge function is off by
-/// less than 4 (m + 8uR) 8uR + 2 (8uR)^2 for its numbers and 4um^2 <= 8uRm for its arithmetic:
-/// together less than 40uRm + 2^-34. 48uRm is allowed. Beyond that its sign is that of the exact
-/// one, and of the one in double, whose error is far smaller. SBound is four times the error of s
-/// against the double test, and so bounds the exact s, too.
-template <Precision kItsPrecision>
+/// With u = 2^-24 and R = 1 + the origin's largest |component| <= 5, a corner is off along z by 2uR
+/// (the origin and the difference) and by u / 2 (a vertex in double, rounded to float), and along x
+/// and y by 9uR (these, as much times the shear, 2uR for the shear and its product with z, and 2uR
+/// for the last difference). Shears are at most 1, so projected corners are at most m <= 2R. An
+/// edge function is off by less than 4 (m + 9uR) 9uR + 2 (9uR)^2 for its numbers and 4um^2 <= 8uRm
+/// for its arithmetic: together less than 44uRm + 2^-34. 48uRm is allowed. Beyond that its sign is
+/// that of the exact one, and of the one in double, whose error is far smaller.
+///
+/// SBound is for the double test with the same corners. Where all signs are certain, edge functions
+/// are off by less than a fraction of themselves, and so are the weights: it bounds the exact s,
+/// too. A vertex in double is off as much as if the origin were larger by 1/2.
 struct CertainPairs {
-  static constexpr Precision kPrecision = kItsPrecision;
-
   KDRAY_INLINE static std::uint32_t Axis(const FrustumRays& rays, std::uint32_t k) {
     return WatertightPacketHits::Axis(rays, k);
   }
@@ -38,7 +40,7 @@ struct CertainPairs {
     float of_size;  // of an edge function's error, to m
 
     KDRAY_INLINE Bounds(const FrustumRays& rays, const CornersFromOrigin& corners)
-        : WatertightPacketHits::Bounds(rays, corners),
+        : WatertightPacketHits::Bounds(rays, corners, rays.origin_size + 0.5f),
           of_size((1 + rays.origin_size) * (48 * 0x1p-24f)) {}
   };
   template <class Place>

@@ -62,33 +62,35 @@ KernelFunction FindFrustum(RayQuery query) {
                                  : &TraceFrustumOr<ClosestHits, Search, false>;
 }
 
-template <Precision kPrecision, class Search>
-KernelFunction FindAnyFrustum() {
-  return &TraceFrustumOr<AnyPacketHits<CertainPairs<kPrecision>>, Search, true>;
+template <class Stored>
+KernelFunction FindFrustumOfDouble(RayQuery query) {
+  using Any = AnyPacketHits<CertainPairs>;
+  using Search = DoubleSearch<KeepClosest, Stored>;
+  return query == RayQuery::kAny ? &TraceFrustumOr<Any, Search, true>
+                                 : &TraceFrustumOr<DoublePacketHits<Stored>, Search, false>;
 }
 template <class Stored>
-KernelFunction FindFrustumOfStored(Precision precision) {
-  return precision == Precision::kDouble
-             ? &TraceFrustumOr<DoublePacketHits<Stored>, DoubleSearch<KeepClosest, Stored>, false>
-             : &TraceFrustumOr<ExactPacketHits<Stored>, ExactSearch<Stored>, false>;
+KernelFunction FindFrustumOfExact(RayQuery query) {
+  using Any = AnyPacketHits<CertainPairs>;
+  using Search = ExactSearch<Stored>;
+  return query == RayQuery::kAny ? &TraceFrustumOr<Any, Search, true>
+                                 : &TraceFrustumOr<ExactPacketHits<Stored>, Search, false>;
 }
 /// Null where there is none; see HasFrustum().
 inline KernelFunction FindFrustum(Precision precision, bool double_vertices, RayQuery query) {
-  if (!HasFrustum(precision, double_vertices, query)) return nullptr;
+  if (!HasFrustum(query)) return nullptr;
   switch (precision) {
     case Precision::kFast:
       return FindFrustum<FastPacketHits, FastSearch<KeepClosest>>(query);
     case Precision::kWatertight:
       return FindFrustum<WatertightPacketHits, WatertightSearch<KeepClosest>>(query);
     case Precision::kDouble:
-      if (query != RayQuery::kAny) break;
-      return FindAnyFrustum<Precision::kDouble, DoubleSearch<KeepClosest, float>>();
+      return double_vertices ? FindFrustumOfDouble<double>(query)
+                             : FindFrustumOfDouble<float>(query);
     case Precision::kExact:
-      if (query != RayQuery::kAny) break;
-      return FindAnyFrustum<Precision::kExact, ExactSearch<float>>();
+      return double_vertices ? FindFrustumOfExact<double>(query) : FindFrustumOfExact<float>(query);
   }
-  return double_vertices ? FindFrustumOfStored<double>(precision)
-                         : FindFrustumOfStored<float>(precision);
+  return nullptr;
 }
 
 KernelFunction Find(KernelKind kernel, Precision precision, bool double_vertices, RayQuery query) {

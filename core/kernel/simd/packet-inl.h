@@ -54,7 +54,7 @@ struct FrustumRays {
   alignas(64) float direction[3][kRays];   // as FastIntersection has it
   alignas(64) float shear[2][kRays];       // as WatertightIntersection<float> has it
   alignas(64) float offset[2][kRays];      // shear - shear_middle
-  alignas(64) float inverse_along[kRays];  // 1 / direction along axis[2], except in `fast`
+  alignas(64) float inverse_along[kRays];  // 1 / direction along axis[2]; see Gather
   alignas(64) float exit[kRays];           // the end of each ray from the origin, rounded outward
   // The caller's interval, rounded inward: exact for float s.
   alignas(64) float s_min[kRays], s_max[kRays];

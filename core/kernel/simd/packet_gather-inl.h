@@ -91,7 +91,9 @@ inline FrustumRays::Form FrustumRays::Gather(const KernelJob& job, std::size_t f
   const Form form = given_in_double_ ? GatherDoubles(job, first, shares_target ? &doubles : nullptr)
                                      : GatherFloats(job, first);
   if (form != Form::kPacket) return form;
-  if (!FindRanges(job.precision != Precision::kFast)) return Form::kMixed;
+  const bool with_inverse = job.precision == Precision::kWatertight ||
+                            (job.precision != Precision::kFast && job.occluded != nullptr);
+  if (!FindRanges(with_inverse)) return Form::kMixed;
   bool has_intervals;
   if (!shares_target) {
     has_intervals = FindIntervals(job, first);

@@ -80,7 +80,6 @@ KDRAY_INLINE void StoreHits(const KernelJob& job, std::size_t first, const Packe
 
 /// The closest hits of 64 rays by FastIntersection.
 struct FastPacketHits : PacketHits {
-  static constexpr Precision kPrecision = Precision::kFast;
   alignas(64) float s[kRays + 1], u[kRays + 1], v[kRays + 1];
 
   KDRAY_INLINE static std::uint32_t Axis(const FrustumRays&, std::uint32_t k) { return k; }
@@ -230,7 +229,6 @@ struct ProjectedPairs {
 /// which triangles are hit, and bounds their s, which is defined in double. That decides all except
 /// a few rays; the s of the winners is computed at the end.
 struct WatertightPacketHits : PacketHits {
-  static constexpr Precision kPrecision = Precision::kWatertight;
   // Around the s of the closest hit so far.
   alignas(64) float low[kRays + 1], high[kRays + 1];
   alignas(64) std::uint32_t slot[kRays + 1];  // its block times 8 and lane
@@ -251,7 +249,10 @@ struct WatertightPacketHits : PacketHits {
   class Bounds {
    public:
     KDRAY_INLINE Bounds(const FrustumRays& rays, const CornersFromOrigin& corners)
-        : of_pairs_(rays.shares_target), origin_size_(rays.origin_size) {
+        : Bounds(rays, corners, rays.origin_size) {}
+    KDRAY_INLINE Bounds(const FrustumRays& rays, const CornersFromOrigin& corners,
+                        float origin_size)
+        : of_pairs_(rays.shares_target), origin_size_(origin_size) {
       const SBound<F8> bound = BoundS(corners.at, origin_size_);
       Store(bound.depth, depth_);
       Store(bound.by_sum, by_sum_);

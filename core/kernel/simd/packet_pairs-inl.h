@@ -24,7 +24,8 @@ struct CornersFromOrigin {
   F8 at[3][3];  // [corner][axis]
 };
 
-/// Bounds of the hit's parameter in each lane, where certain.
+/// Pairs that may be hits (`accepted`), those of them that certainly are if their parameter lies in
+/// the ray's interval, and bounds of the parameter, valid in certain lanes.
 struct AlongRay {
   unsigned accepted, certain;
   F16 low, high;

@@ -20,15 +20,14 @@ struct SBound {
 ///
 /// Numbers are off from those of the double test by, with u = 2^-24, |o| the origin's largest
 /// component and Z the corners' largest z: z by u (|o| + Z); a corner's difference along x or y by
-/// u
-/// (|o| + reach + Z), since it is not larger than the corner's x or y and z; the shear, at most 1,
-/// by u; x and y with their own rounding by less than d = u (2 |o| + 4 Z + 3 reach). A ray inside
-/// the triangle sees no corner farther from it than m = reach + 4 d, so an edge function is off by
-/// at most w = 4 m d + 4 u m^2, which includes the 2 d^2 of both factors. The weights, divided by
-/// their sum, are off by 6 w / |sum| together, where 3 w is a quarter of the sum at most: s by half
-/// of that times the depth of the triangle, times 1 / direction, at most 1. Four times as much is
-/// allowed. The rest is the rounding of z and of s itself. If the double test does not find the ray
-/// inside, it takes the weights of the float projection, which are closer.
+/// u (|o| + reach + Z), since it is not larger than the corner's x or y and z; the shear, at most
+/// 1, by u; x and y with their own rounding by less than d = u (2 |o| + 4 Z + 3 reach). A ray
+/// inside the triangle sees no corner farther from it than m = reach + 4 d, so an edge function is
+/// off by at most w = 4 m d + 4 u m^2, which includes the 2 d^2 of both factors. The weights,
+/// divided by their sum, are off by 6 w / |sum| together, where 3 w is a quarter of the sum at
+/// most: s by half of that times the depth of the triangle, times 1 / direction, at most 1. Four
+/// times as much is allowed. The rest is the rounding of z and of s itself. If the double test does
+/// not find the ray inside, it takes the weights of the float projection, which are closer.
 template <class Lanes>
 KDRAY_INLINE SBound<Lanes> BoundS(const Lanes (&corners)[3][3], float origin_size) {
   const auto range = [&](int k) KDRAY_LAMBDA {

@@ -10,7 +10,6 @@
 
 #include "core/accel/wide/wide_tree.h"
 #include "core/geometry/hit.h"
-#include "core/intersect/precision.h"
 #include "core/intersect/rounded_ray.h"
 #include "core/kernel/kernel.h"
 #include "core/kernel/simd/exact-inl.h"
@@ -161,7 +160,6 @@ template <class Stored>
 struct DoublePacketHits : StoredPacketHits<DoublePacketHits<Stored>, Stored> {
   using Base = StoredPacketHits<DoublePacketHits<Stored>, Stored>;
   using Base::exit, Base::found, Base::kRays;
-  static constexpr Precision kPrecision = Precision::kDouble;
 
   void Begin(const KernelJob& job, const FrustumRays& rays) {
     Base::Begin(job, rays);
@@ -218,7 +216,6 @@ template <class Stored>
 struct ExactPacketHits : StoredPacketHits<ExactPacketHits<Stored>, Stored> {
   using Base = StoredPacketHits<ExactPacketHits<Stored>, Stored>;
   using Base::exit, Base::found, Base::kRays;
-  static constexpr Precision kPrecision = Precision::kExact;
 
   void Begin(const KernelJob& job, const FrustumRays& rays) {
     Base::Begin(job, rays);

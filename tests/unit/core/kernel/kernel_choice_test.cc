@@ -34,7 +34,7 @@ class KernelChoice : public testing::Test {
     return job;
   }
 
-  Scene scene_ = test::MakeScene(test::UvSphere({0, 0, 0}, 1, 20, 40));  // doubles
+  const Scene scene_ = test::MakeScene(test::UvSphere({0, 0, 0}, 1, 20, 40));
   std::vector<std::uint8_t> occluded_;
   std::vector<Hit> hits_;
   std::mt19937 engine_{11};
@@ -50,21 +50,13 @@ class KernelChoice : public testing::Test {
   }
 };
 
-TEST_F(KernelChoice, ACamerasRaysAreAFrustumWherePrecisionsHaveOne) {
-  EXPECT_EQ(Choose(Camera(), Precision::kFast).kernel, KernelKind::kFrustum);
-  EXPECT_EQ(Choose(Camera(), Precision::kWatertight).kernel, KernelKind::kFrustum);
-  EXPECT_EQ(Choose(Camera(), Precision::kDouble).kernel, KernelKind::kFrustum);
-  EXPECT_EQ(Choose(Camera(), Precision::kExact).kernel, KernelKind::kFrustum);
-  EXPECT_EQ(Choose(Camera(), Precision::kFast, true).kernel, KernelKind::kFrustum);
-  EXPECT_EQ(Choose(Camera(), Precision::kDouble, true).kernel, KernelKind::kStream);
+TEST_F(KernelChoice, ACamerasRaysAreAFrustum) {
+  for (const Precision precision : kAllPrecisions) {
+    for (const bool any : {false, true}) {
+      EXPECT_EQ(Choose(Camera(), precision, any).kernel, KernelKind::kFrustum);
+    }
+  }
   EXPECT_FALSE(Choose(Camera(), Precision::kFast).sort);
-}
-
-TEST_F(KernelChoice, AnyHitInDoubleAndExactIsAFrustumWhereVerticesAreFloats) {
-  EXPECT_EQ(Choose(Camera(), Precision::kExact, true).kernel, KernelKind::kStream);
-  scene_ = test::MakeScene(test::RoundToFloat(test::UvSphere({0, 0, 0}, 1, 20, 40)));
-  EXPECT_EQ(Choose(Camera(), Precision::kDouble, true).kernel, KernelKind::kFrustum);
-  EXPECT_EQ(Choose(Camera(), Precision::kExact, true).kernel, KernelKind::kFrustum);
 }
 
 TEST_F(KernelChoice, ShuffledRaysAreSortedWhereManyAreAlike) {
@@ -78,10 +70,10 @@ TEST_F(KernelChoice, ShuffledRaysAreSortedWhereManyAreAlike) {
   for (const bool any : {false, true}) {
     const KernelJob alike = Choose(from_surface, Precision::kDouble, any);
     EXPECT_TRUE(alike.sort);
-    EXPECT_EQ(alike.kernel, KernelKind::kStream);
+    EXPECT_EQ(alike.kernel, any ? KernelKind::kFrustum : KernelKind::kStream);
     const KernelJob unlike = Choose(random, Precision::kDouble, any);
     EXPECT_FALSE(unlike.sort);
-    EXPECT_EQ(unlike.kernel, KernelKind::kInterleaved);
+    EXPECT_EQ(unlike.kernel, any ? KernelKind::kFrustum : KernelKind::kInterleaved);
   }
   // What the frustum hands on goes the same ways.
   EXPECT_TRUE(Choose(from_surface, Precision::kFast).alike);
