@@ -32,14 +32,16 @@ void ChooseKernel(const KernelOverrides& overrides, KernelJob* job) {
   job->simd = overrides.simd.value_or(BestSimdLevel());
   job->prefetch = job->tree->bytes() > kSecondLevelCache;
   const bool shuffled = IsShuffled(job->rays, job->mesh->bounds());
-  const bool grouped = shuffled && job->rays.size() >= kWorthSorting &&
-                       CountGroups(job->rays, job->mesh->bounds()) <= kMostGroups;
+  const bool is_large = job->rays.size() >= kWorthSorting;
+  const bool grouped =
+      shuffled && is_large && CountGroups(job->rays, job->mesh->bounds()) <= kMostGroups;
+  const bool random = shuffled && is_large && !grouped;
   job->sort = overrides.sort.value_or(grouped);
   job->alike = (!shuffled || (grouped && job->sort)) && !overrides.kernel;
   const KernelKind otherwise = job->alike ? KernelKind::kStream : KernelKind::kInterleaved;
   // The frustum kernel soon detects rays that do not form a packet, and passes them on.
-  const bool frustum =
-      HasFrustum(job->query()) && (job->query() == RayQuery::kAny || ShareOrigins(job->rays));
+  const bool frustum = HasFrustum(job->query()) &&
+                       (ShareOrigins(job->rays) || (job->query() == RayQuery::kAny && !random));
   job->kernel = overrides.kernel.value_or(frustum ? KernelKind::kFrustum : otherwise);
   // Of the filters it has only culls.
   const bool is_filtered =

@@ -73,7 +73,7 @@ TEST_F(KernelChoice, ShuffledRaysAreSortedWhereManyAreAlike) {
     EXPECT_EQ(alike.kernel, any ? KernelKind::kFrustum : KernelKind::kStream);
     const KernelJob unlike = Choose(random, Precision::kDouble, any);
     EXPECT_FALSE(unlike.sort);
-    EXPECT_EQ(unlike.kernel, any ? KernelKind::kFrustum : KernelKind::kInterleaved);
+    EXPECT_EQ(unlike.kernel, KernelKind::kInterleaved);
   }
   // What the frustum hands on goes the same ways.
   EXPECT_TRUE(Choose(from_surface, Precision::kFast).alike);
