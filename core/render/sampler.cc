@@ -51,7 +51,7 @@ constexpr SampleWords ToWords(std::uint64_t bits) {
 
 }  // namespace
 
-constexpr std::array<SampleWords, PixelSampler::kStored> PixelSampler::stored_ =
+constexpr std::array<SampleWords, PixelSampler::kStored> PixelSampler::kStoredBases =
     FirstPoints<kStored>();
 
 SampleWords PixelSampler::Base(std::uint32_t index) { return ScrambledSobol(index); }
@@ -72,7 +72,7 @@ SampleWords PixelSampler::Direction(std::uint32_t index) const {
   const std::uint32_t order =
       ReverseBits(ScrambleReversed(ReverseBits(index & kMask), static_cast<std::uint32_t>(other)));
   const std::uint32_t shuffled = (index & ~kMask) | (order & kMask);
-  const SampleWords base = index < kStored ? stored_[shuffled] : Base(shuffled);
+  const SampleWords base = index < kStored ? kStoredBases[shuffled] : Base(shuffled);
   return {base.x ^ move.x, base.y ^ move.y};
 }
 

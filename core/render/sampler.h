@@ -31,7 +31,7 @@ class PixelSampler {
 
   /// The position in the pixel.
   SampleWords operator[](std::uint32_t index) const {
-    const SampleWords base = index < kStored ? stored_[index] : Base(index);
+    const SampleWords base = index < kStored ? kStoredBases[index] : Base(index);
     return {base.x ^ move_.x, base.y ^ move_.y};
   }
   /// The positions `index` and `index + 1`: x, y, x, y. `index` is even.
@@ -39,7 +39,7 @@ class PixelSampler {
     const FourWords move = {move_.x, move_.y, move_.x, move_.y};
     FourWords base;
     if (index < kStored) [[likely]] {
-      __builtin_memcpy(&base, &stored_[index], sizeof(base));
+      __builtin_memcpy(&base, &kStoredBases[index], sizeof(base));
       return base ^ move;
     }
     const SampleWords first = Base(index), second = Base(index + 1);
@@ -53,7 +53,7 @@ class PixelSampler {
  private:
   static constexpr std::size_t kStored = 1024;
   static SampleWords Base(std::uint32_t index);
-  static const std::array<SampleWords, kStored> stored_;
+  static const std::array<SampleWords, kStored> kStoredBases;
 
   SampleWords move_;
   std::uint64_t pixel_;  // a hash of it

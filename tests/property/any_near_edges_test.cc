@@ -107,6 +107,7 @@ std::vector<Ray> PacketsBesideEdges(const MeshData& data, std::size_t packets,
 
 std::vector<RayF> RoundedRays(const std::vector<Ray>& rays) {
   std::vector<RayF> rounded;
+  rounded.reserve(rays.size());
   for (const Ray& ray : rays) {
     rounded.push_back({Vec3f(ray.origin), static_cast<float>(ray.t_min), Vec3f(ray.direction),
                        static_cast<float>(ray.t_max)});

@@ -21,8 +21,8 @@ inline nlohmann::json Json(const RawAnswer& answer) { return nlohmann::json::par
 
 class RunningService {
  public:
-  RunningService(server::Backend& backend, server::ServiceOptions options = {},
-                 server::HttpServerOptions http = {})
+  explicit RunningService(server::Backend& backend, server::ServiceOptions options = {},
+                          server::HttpServerOptions http = {})
       : service_(std::move(options), backend, log_),
         server_(WithFreePort(std::move(http)), service_) {
     const auto problem = server_.Bind();

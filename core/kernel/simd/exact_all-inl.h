@@ -31,7 +31,8 @@ namespace kdray::core::KDRAY_ISA {
 template <class Stored>
 struct ExactAllSearch : ExactRaySearch {
   static constexpr bool kKeepsAll = true;
-  static constexpr bool found = false;  // the search never ends early
+  // As other searches have a member: this one never ends early.
+  static constexpr bool found = false;  // NOLINT(readability-identifier-naming)
   AllOfRay all;
   bool is_usual;
   std::size_t open_size;

@@ -241,7 +241,8 @@ struct KeepClosest : RoundedSearch {
 /// Counts a ray's triangles, or keeps the nearest ones of a list, with the key for t.
 struct KeepAll : RoundedSearch {
   static constexpr bool kKeepsAll = true;
-  static constexpr bool found = false;  // the search never ends early
+  // As KeepClosest has a member: this search never ends early.
+  static constexpr bool found = false;  // NOLINT(readability-identifier-naming)
   AllOfRay all;
 
   void BeginRounded(const KernelJob& job, const LocalRay& local, std::size_t at) {

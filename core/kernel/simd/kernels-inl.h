@@ -93,6 +93,8 @@ inline KernelFunction FindFrustum(Precision precision, bool double_vertices, Ray
   return nullptr;
 }
 
+// One source file for each instruction set includes this one.
+// NOLINTNEXTLINE(misc-definitions-in-headers)
 KernelFunction Find(KernelKind kernel, Precision precision, bool double_vertices, RayQuery query) {
   if (kernel == KernelKind::kFrustum) {
     if (const KernelFunction frustum = FindFrustum(precision, double_vertices, query)) {

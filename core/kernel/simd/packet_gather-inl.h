@@ -148,7 +148,7 @@ inline FrustumRays::Form FrustumRays::GatherFloats(const KernelJob& job, std::si
     // 2^-k for the exponent k of the largest component, by its bits.
     const F8 to_local = F8(SetI8(0x7f000000u) - (I8(along) & SetI8(0x7f800000u)));
     Store(to_local, scale + i);
-    for (int k = 0; k < 3; ++k) Store(Load(direction[k] + i) * to_local, direction[k] + i);
+    for (auto& component : direction) Store(Load(component + i) * to_local, component + i);
     for (int k = 0; k < 2; ++k)
       Store(Load(direction[axis[k]] + i) / (along * to_local), shear[k] + i);
   }
@@ -214,9 +214,9 @@ inline FrustumRays::Form FrustumRays::GatherDoubles(const KernelJob& job, std::s
 /// a cull treats as parallel, and close directions.
 inline bool FrustumRays::FindRanges(bool with_inverse) {
   unsigned usual = 0xffffu;
-  for (std::size_t k = 0; k < 2; ++k) {
+  for (const auto& shears : shear) {
     for (std::size_t g = 0; g < kGroups; ++g) {
-      const F16 s = Load16(shear[k] + 16 * g);
+      const F16 s = Load16(shears + 16 * g);
       // NaN fails; Min and Max would lose it.
       usual &= Bits(LessEqual(Set16(0x1p-30f), Abs(s)) & LessEqual(Abs(s), Set16(1 - 0x1p-20f)));
     }

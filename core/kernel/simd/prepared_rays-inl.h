@@ -105,7 +105,8 @@ struct PreparedRays {
     for (int axis = 0; axis < 3; ++axis) {
       const D4 local = (from[axis] - Set4(frame.origin[axis])) * Set4(frame.scale);
       const D4 scaled = to[axis] * to_direction;
-      taken &= ((to[axis] - to[axis]) == zero) & (Abs(local) <= Set4(4));
+      const D4 no_nan = to[axis] - to[axis];  // NOLINT(misc-redundant-expression)
+      taken &= (no_nan == zero) & (Abs(local) <= Set4(4));
       Store(local, local_origin[axis] + at);
       Store(scaled, local_direction[axis] + at);
       StoreF4(Narrow(local), origin[axis] + at);

@@ -134,7 +134,8 @@ KDRAY_INLINE bool PrepareUsual(const RayBatch& rays, std::size_t row, const Fram
   const double largest = std::max({size[0], size[1], size[2]});
   const D4 zero = Set4(0);
   // NaN fails every comparison, and a component that is not finite gives NaN here.
-  const unsigned finite = Bits(L4((to - to) == zero)) & Bits(L4(Abs(origin) <= Set4(4)));
+  const D4 no_nan = to - to;  // NOLINT(misc-redundant-expression)
+  const unsigned finite = Bits(L4(no_nan == zero)) & Bits(L4(Abs(origin) <= Set4(4)));
   if ((finite & 7u) != 7u || !(from[3] <= to[3])) return false;
   if (!(largest > 0x1p-400 && largest < 0x1p400)) return false;
   const PowerBelow power = PowerBelowOf(largest);

@@ -52,8 +52,9 @@ class RaysByChild {
 KDRAY_INLINE RaysByChild::RaysByChild() : rays_(_mm512_setzero_si512()) {}
 
 KDRAY_INLINE void RaysByChild::AddRay(std::size_t k, M8 children) {
+  const std::uint64_t bit = std::uint64_t{1} << k;
   rays_ = _mm512_mask_or_epi64(rays_, children.bits, rays_,
-                               _mm512_set1_epi64(static_cast<long long>(std::uint64_t{1} << k)));
+                               _mm512_set1_epi64(static_cast<long long>(bit)));
 }
 
 template <class Meet>
@@ -90,7 +91,8 @@ KDRAY_INLINE std::size_t RaysByChild::StoreMet(const WideNode& node, unsigned oc
 KDRAY_INLINE RaysByChild::RaysByChild() : alone_{_mm256_setzero_si256(), _mm256_setzero_si256()} {}
 
 KDRAY_INLINE void RaysByChild::AddRay(std::size_t k, M8 children) {
-  const __m256i bit = _mm256_set1_epi64x(static_cast<long long>(std::uint64_t{1} << k));
+  const std::uint64_t one_bit = std::uint64_t{1} << k;
+  const __m256i bit = _mm256_set1_epi64x(static_cast<long long>(one_bit));
   const auto add = [&](__m128i four, __m256i* to) KDRAY_LAMBDA {
     *to = _mm256_or_si256(*to, _mm256_and_si256(_mm256_cvtepi32_epi64(four), bit));
   };
@@ -105,7 +107,7 @@ KDRAY_INLINE void RaysByChild::Collect(std::uint64_t (&met)[WideNode::kWidth]) c
 
 #else
 
-KDRAY_INLINE RaysByChild::RaysByChild() {}
+KDRAY_INLINE RaysByChild::RaysByChild() = default;
 
 KDRAY_INLINE void RaysByChild::AddRay(std::size_t k, M8 children) {
   met_[k] = static_cast<std::uint8_t>(Bits(children));

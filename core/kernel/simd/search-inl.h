@@ -126,8 +126,8 @@ KDRAY_INLINE void DecideDouble(const CornerAt& corner_at, D4 origin_x, D4 origin
   Store(s, decision->s);
   Store(b * inverse_sum + zero, decision->u);
   Store(c * inverse_sum + zero, decision->v);
-  const D4 s_zero = s - s;  // NaN unless finite
-  decision->inside = (negative ^ positive) & Bits(L4(s_zero == zero));
+  const D4 no_nan = s - s;  // NOLINT(misc-redundant-expression)
+  decision->inside = (negative ^ positive) & Bits(L4(no_nan == zero));
 }
 
 struct DoubleRay {

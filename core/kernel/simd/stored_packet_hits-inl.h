@@ -302,29 +302,29 @@ struct ExactPacketHits : StoredPacketHits<ExactPacketHits<Stored>, Stored> {
 
     KDRAY_INLINE void Add(const RoundedRay& ray, std::uint32_t at_place, PrimitiveId id,
                           BlockLane at) {
-      hits.SetRay(size, ray);
-      for (int c = 0; c < 3; ++c) hits.SetCorner(size, c, CornerOf<Stored>(job, id, at, c));
-      place[size] = at_place;
-      if (++size == kHitLanes) Flush();
+      hits_.SetRay(size_, ray);
+      for (int c = 0; c < 3; ++c) hits_.SetCorner(size_, c, CornerOf<Stored>(job, id, at, c));
+      place_[size_] = at_place;
+      if (++size_ == kHitLanes) Flush();
     }
     void Flush() {
       alignas(64) double its_t[kHitLanes], its_u[kHitLanes], its_v[kHitLanes];
-      const unsigned known = size != 0 ? SolveTogether(hits, its_t, its_u, its_v) : 0;
-      for (unsigned k = 0; k < size; ++k) {
-        const std::uint32_t i = place[k];
+      const unsigned known = size_ != 0 ? SolveTogether(hits_, its_t, its_u, its_v) : 0;
+      for (unsigned k = 0; k < size_; ++k) {
+        const std::uint32_t i = place_[k];
         t[i] = its_t[k];
         u[i] = its_u[k];
         v[i] = its_v[k];
         const bool is_known = (known >> k & 1u) != 0 && IsRoundedOnce(rays.CallerT(its_t[k], i));
         unknown |= std::uint64_t{is_known ? 0u : 1u} << i;
       }
-      size = 0;
+      size_ = 0;
     }
 
    private:
-    ExactHits hits = {};
-    std::uint32_t place[kHitLanes];
-    unsigned size = 0;
+    ExactHits hits_ = {};
+    std::uint32_t place_[kHitLanes];
+    unsigned size_ = 0;
   };
 
   RoundedRay origin_;  // without a direction

@@ -223,6 +223,8 @@ void FindClosest(const PointJob& job, std::span<const SearchPoint> points,
   }
 }
 
+// One source file for each instruction set includes this one.
+// NOLINTBEGIN(misc-definitions-in-headers)
 void FindClosestExactly(const PointJob& job, const SearchPoint& point, ExactJudge* judge) {
   WalkToPoint(job, point, judge);
 }
@@ -230,6 +232,7 @@ void FindClosestExactly(const PointJob& job, const SearchPoint& point, ExactJudg
 PointKernels FindForPoints(bool double_vertices) {
   return {double_vertices ? &FindClosest<double> : &FindClosest<float>, &FindClosestExactly};
 }
+// NOLINTEND(misc-definitions-in-headers)
 
 }  // namespace kdray::core::KDRAY_ISA
 KDRAY_END_ISA();

@@ -61,7 +61,7 @@ inline std::vector<core::Hit> Answers(const core::Scene& scene) {
     ray.origin = box.max + box.Extent() * (0.1 + 0.01 * i);
     const core::Vec3d target =
         box.min + core::Vec3d{box.Extent().x * (i % 4) / 3, box.Extent().y * (i / 4 % 4) / 3,
-                              box.Extent().z * (i / 16) / 3};
+                              box.Extent().z * static_cast<double>(i / 16) / 3};
     ray.direction = target - ray.origin;
     rays.push_back(ray);
   }

@@ -500,7 +500,7 @@ TEST_F(TreeLibraryTest, ManyClientsDoingEverythingAtOnceLeaveNoTrace) {
   std::vector<std::thread> clients;
   for (int client = 0; client < 8; ++client) {
     clients.emplace_back([&, client] {
-      std::mt19937_64 random = RandomEngine(static_cast<std::uint64_t>(1000 + client));
+      std::mt19937_64 random = RandomEngine(1000 + static_cast<std::uint64_t>(client));
       for (int i = 0; i < 60; ++i) {
         const auto bytes = SphereBytes(static_cast<int>(random() % 3), 4);
         const BuildKind build = core::kAllBuildKinds[random() % core::kAllBuildKinds.size()];
