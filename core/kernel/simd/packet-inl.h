@@ -51,11 +51,12 @@ struct FrustumRays {
   static constexpr std::size_t kGroups = kRays / 16;
   static constexpr std::uint64_t kAll = ~std::uint64_t{0};
 
-  alignas(64) float direction[3][kRays];   // as FastIntersection has it
-  alignas(64) float shear[2][kRays];       // as WatertightIntersection<float> has it
-  alignas(64) float offset[2][kRays];      // shear - shear_middle
-  alignas(64) float inverse_along[kRays];  // 1 / direction along axis[2]; see Gather
-  alignas(64) float exit[kRays];           // the end of each ray from the origin, rounded outward
+  alignas(64) float direction[3][kRays];  // as FastIntersection has it
+  alignas(64) float shear[2][kRays];      // as WatertightIntersection<float> has it
+  alignas(64) float offset[2][kRays];     // shear - shear_middle
+  // 1 / direction along axis[2]; in `watertight`, and for any hit in `double` and `exact`.
+  alignas(64) float inverse_along[kRays];
+  alignas(64) float exit[kRays];  // the end of each ray from the origin, rounded outward
   // The caller's interval, rounded inward: exact for float s.
   alignas(64) float s_min[kRays], s_max[kRays];
   alignas(32) double t_min[kRays], t_max[kRays];  // the caller's, unless all are whole lines
